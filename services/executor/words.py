@@ -2,73 +2,65 @@
 
 import math
 from collections.abc import Iterator
+from typing import Any, get_args, get_type_hints
+
+import msgspec
+import numpy as np
 
 from agent_runtime.core.turn import Turn
 from companion.languages import rc
+from companion.languages.values import Pose, Within
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative
 from services.executor.memory import Act
+from velma import names, ranges
+from velma.errors import MotionError
 
 JOINTS = 8  # of a joint path: torso and one arm
+ANY = Within(-100.0, 100.0)  # of a number whose type says nothing; estimate: a wrong unit is found
+UNIT = 0.01  # of the length of a quaternion from 1; estimate: more than rounding
+_NOT_EMPTY = {"key": "an act needs one of its own", "path": "a motion needs a point", "at": "a look needs a point",
+              "segments": "a motion needs one", "approach": "its last point is where the hand closes"}  # fmt: skip
 
 
 def wrong(command: rc.Act) -> str:
     """Return the first thing that is wrong with a command, before anything is computed; "" if nothing is."""
-    if not command.key:
-        return "key is empty, an act needs one of its own"
     return next(_complaints(command), "")
 
 
 def _complaints(command: rc.Act) -> Iterator[str]:
-    match command:
-        case rc.MoveJoint(path=path, speed=speed):
-            if not path or any(len(point) != JOINTS for point in path):
-                yield f"path has to be one or more points of {JOINTS} joints"
-            yield from _bad_numbers("path", *(x for point in path for x in point))
-            yield from _bad_speed(speed)
-        case rc.MoveCartesian(segments=segments):
-            if not segments:
-                yield "segments are empty, a motion needs at least one"
-            for segment in segments:
-                yield from _bad_numbers("offset", *segment.offset)
-                yield from _bad_speed(segment.speed)
-        case rc.Grasp():
-            yield from _about_a_grasp(command)
-        case rc.OpenDoor():
-            yield from _about_a_door(command)
-        case rc.Look(at=at):
-            if not at:
-                yield "at is empty, a look needs a point"
-            yield from _bad_numbers("at", *(x for point in at for x in point))
-        case rc.Pour(tilts=tilts, hold=hold, azimuth=azimuth, spin=spin):
-            yield from _bad_numbers("tilts, hold, azimuth, spin", *tilts, hold, azimuth, spin)
+    for field, why in _NOT_EMPTY.items():
+        if not getattr(command, field, True):
+            yield f"{field} is empty, {why}"
+    yield from _outside("", type(command), command)
+    if isinstance(command, rc.MoveJoint):
+        if any(len(point) != JOINTS for point in command.path):
+            yield f"path has to be points of {JOINTS} joints"
+        whole = np.tile(names.START, (len(command.path), 1))
+        whole[:, names.COLUMNS[command.side]] = command.path
+        try:
+            ranges.joints("path", whole)
+        except MotionError as error:
+            yield str(error)
 
 
-def _about_a_grasp(command: rc.Grasp) -> Iterator[str]:
-    if not command.approach:
-        yield "approach is empty, its last point is the grasp itself"
-    if not (math.isfinite(command.mass) and command.mass >= 0.0):
-        yield f"mass is {command.mass}, it has to be 0 kg or more"
-    yield from _bad_speed(command.speed)
-
-
-def _about_a_door(command: rc.OpenDoor) -> Iterator[str]:
-    if not command.approach:
-        yield "approach is empty, its last point is the handle"
-    yield from _bad_numbers("turn, least, closed", command.turn, command.least, command.closed)
-    if command.end is not None:
-        yield from _bad_numbers("end", *command.end.xyz, *command.end.quat_wxyz)
-    yield from _bad_speed(command.speed)
-
-
-def _bad_numbers(name: str, *values: float) -> Iterator[str]:
-    if not all(math.isfinite(value) for value in values):
-        yield f"{name} holds a number that is not finite"
-
-
-def _bad_speed(speed: float) -> Iterator[str]:
-    if not (math.isfinite(speed) and speed > 0.0):
-        yield f"speed is {speed}, it has to be greater than 0"
+def _outside(field: str, kind: Any, value: Any) -> Iterator[str]:
+    """Yield each number in a value that is outside the range that its type notes, and each pose that is none."""
+    parts = get_args(kind)
+    if isinstance(value, float | int):
+        least, most = next((w for one in (kind, *parts) for w in get_args(one) if isinstance(w, Within)), ANY)
+        if not least <= value <= most:
+            yield f"{field} is {value}, it has to be finite, from {least:g} to {most:g}"
+    elif isinstance(value, tuple) and parts[-1] is not ... and len(parts) != len(value):
+        yield f"{field} has {len(value)} values, it has to have {len(parts)}"
+    elif isinstance(value, tuple):
+        for k, one in enumerate(value):
+            yield from _outside(f"{field}[{k}]", parts[0] if parts[-1] is ... else parts[k], one)
+    elif isinstance(value, msgspec.Struct):
+        for name, inner in get_type_hints(type(value), include_extras=True).items():
+            yield from _outside(f"{field}.{name}".lstrip("."), inner, getattr(value, name))
+    if isinstance(value, Pose) and not abs(math.hypot(*value.quat_wxyz) - 1.0) <= UNIT:
+        yield f"{field}.quat_wxyz is {value.quat_wxyz}, it has to be of length 1"
 
 
 # --- to ta ------------------------------------------------------------------------------------------------------------

@@ -88,13 +88,13 @@ void chain_track(const Chain *chain, const double *q, int n, double *places)
 /* What brings the end to the target: way [m] and rotation vector [rad]. */
 static int error_of(const Pose *here, const double *target, const Limits *limits, double *error)
 {
-    double moved = 0.0, turned = 0.0;
+    int there = 1;
     difference(here->turn, here->at, target, target + 9, error);
     for (int i = 0; i < 3; i++) {
-        moved = fmax(moved, fabs(error[i]));
-        turned = fmax(turned, fabs(error[3 + i]));
+        there &= fabs(error[i]) < limits->near; /* NaN is not */
+        there &= fabs(error[3 + i]) < limits->turned;
     }
-    return moved < limits->near && turned < limits->turned;
+    return there;
 }
 
 /* One step of damped least squares, none larger than allowed, inside the limits. */

@@ -22,8 +22,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from velma import ranges
 from velma.control import law
 from velma.control.dynamics import Terms
+from velma.ranges import Cycles, DampingRatio, Stiffness, Viscosity
 
 Array = NDArray[np.float64]
 
@@ -38,11 +40,11 @@ class CartesianGains(msgspec.Struct, frozen=True):
     Damping ratio: Velma's 0.35 acts as 0.175, which overshoots a step by half; 0.7 is the textbook value.
     """
 
-    stiffness: tuple[float, float] = (1500.0, 150.0)  # N/m, Nm/rad
-    damping_ratio: float = 0.7
-    posture_stiffness: tuple[float, float] = (400.0, 20.0)  # torso, arm joints, Nm/rad
-    posture_damping: tuple[float, float] = (120.0, 4.0)  # torso, arm joints, Nms/rad
-    renewed_every: int = 5  # cycles between two damping designs: it changes as slowly as the posture
+    stiffness: tuple[Stiffness, Stiffness] = (1500.0, 150.0)  # N/m, Nm/rad
+    damping_ratio: DampingRatio = 0.7
+    posture_stiffness: tuple[Stiffness, Stiffness] = (400.0, 20.0)  # torso, arm joints, Nm/rad
+    posture_damping: tuple[Viscosity, Viscosity] = (120.0, 4.0)  # torso, arm joints, Nms/rad
+    renewed_every: Cycles = 5  # cycles between two damping designs: it changes as slowly as the posture
 
     def task(self) -> Array:
         """Return diagonal of K, (6,)."""
@@ -136,7 +138,7 @@ class CartesianImpedance:
     """The law with its gains and the last damping design; it has no other state."""
 
     def __init__(self, gains: CartesianGains | None = None) -> None:
-        self.gains = gains or CartesianGains()
+        self.gains = ranges.checked(gains or CartesianGains())
         self._stiffness = self.gains.task()
         self._twice = np.concatenate((self._stiffness, self._stiffness))
         self._posture_stiffness, self._posture_damping = self.gains.posture()
@@ -162,6 +164,10 @@ class CartesianImpedance:
         force = self._twice * error - self._damping @ (jacobian @ slip) + wrench
         posture = self._posture_stiffness * stray - self._posture_damping * slip
         return np.asarray(jacobian.T @ force + null_space(posture, jacobian, through, inertia))
+
+    def renew(self) -> None:
+        """Design the damping in the next cycle: the posture may be another one, or the last design no number."""
+        self._age = self.gains.renewed_every
 
     def _is_due(self) -> bool:
         """Count a cycle; return whether the damping is to be designed in it."""

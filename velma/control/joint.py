@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from velma.control.cartesian import damping
 from velma.control.dynamics import Terms
+from velma.ranges import DampingRatio, Stiffness
 
 Array = NDArray[np.float64]
 
@@ -19,8 +20,8 @@ class JointGains(msgspec.Struct, frozen=True):
     """Stiffness as Velma's interface sends it (velma_system); its damping ratio of 0.5 is the minimum allowed; this is
     the textbook value."""
 
-    stiffness: tuple[float, float] = (1000.0, 200.0)  # torso, arm joints, Nm/rad
-    damping_ratio: float = 0.7
+    stiffness: tuple[Stiffness, Stiffness] = (1000.0, 200.0)  # torso, arm joints, Nm/rad
+    damping_ratio: DampingRatio = 0.7
 
     def diagonal(self) -> Array:
         """Return diagonal of K, (15,)."""

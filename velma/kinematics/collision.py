@@ -6,6 +6,7 @@ simulates, so both give the same verdicts (tested). Every geometry belongs to a 
 thing in a hand is checked against all but that hand. No planning, no physics.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -172,7 +173,9 @@ class World:
 
     # -- checks ----------------------------------------------------------------------------------------------------
     def free(self, q: Array) -> bool:
-        """Whether nothing comes nearer to anything than the margin, at q (15,)."""
+        """Whether nothing comes nearer to anything than the margin, at q (15,), which is finite."""
+        if not all(map(math.isfinite, q.tolist())):  # 0.6 us of 12; nothing would meet what is nowhere
+            return False
         if not self._fresh:
             self._refresh()
         self.checks += 1

@@ -4,6 +4,7 @@
 to end a motion in, whatever the present one. Sides are "left" and "right", poses T_world_grip, q (15,) [rad].
 """
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
@@ -62,6 +63,8 @@ def solve(
     Tolerance is per axis in m and rad; the result is a new array at least 0.03 rad inside the limits, or None.
     """
     columns = names.COLUMNS[side] if columns is None else columns
+    if not all(map(math.isfinite, q.tolist())):
+        return None
     compiled = robot.chain[side]
     if compiled is not None:
         return compiled.solve(target, q, _limits(robot, tuple(columns), iterations, tolerance))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from velma import names
+from velma import names, ranges
 from velma.kinematics.backing import drawn_back, out_of_touch
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
@@ -106,10 +106,14 @@ def plan(
     Torso and the arm of `side` move, all else stays as at `start`; `keep(q)` holds on the whole path. The path timed
     with `tool_speed` [m/s] and the usual limits is free of collisions, except for its start if that is in contact: a
     straight line leads out of it. Each tree has `iterations`; of up to `attempts` trees the quickest path is returned.
-    Equal arguments and worlds give equal paths.
+    Equal arguments and worlds give equal paths. Raises MotionError for a goal beyond limits of joints, or farther
+    beyond than the start, and for a speed out of its range.
     """
     columns = names.COLUMNS[side]
-    aside = out_of_touch(robot, world, side, np.array(start, dtype=np.float64))
+    ranges.number("tool_speed", tool_speed, ranges.SLOWEST_TOOL, ranges.FASTEST_TOOL)
+    begin = ranges.joints("start", [start])[0]
+    goal = ranges.joints("goal", [goal], start=begin)[0]
+    aside = out_of_touch(robot, world, side, begin.copy())
     last = aside[-1].copy()
     last[columns] = goal[columns]
     task = _Task(robot, world, side, aside[-1], last, keep, tool_speed, columns)

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from velma import names
+from velma import names, ranges
 from velma.compiled import library
+from velma.errors import MotionError
 from velma.kinematics.robot import Robot
 from velma.kinematics.spline import Spline
 from velma.names import Array
@@ -19,6 +20,7 @@ from velma.names import Array
 PERIOD_S = 0.01  # between knots; the loop interpolates
 JOINT_FRACTION = 0.5  # of the joints' speed limits (trial runs: 0.26 rad/s torso, 0.96-1.57 arms)
 _ARM_ACCELERATION = (1.2, 1.2, 1.5, 1.5, 2.0, 2.0, 2.0)
+SLOWEST_FRACTION = 0.01  # estimate: the torso then turns by 0.3 degrees a second
 ACCELERATION = np.array([0.4, *_ARM_ACCELERATION, *_ARM_ACCELERATION])  # rad/s^2, trial runs: the load stays put
 _AVERAGED = 8  # periods: 80 ms, trial runs
 _DENSE = 0.05  # rad between the points of the spline, so that it stays on the path
@@ -66,16 +68,26 @@ def timed(
 ) -> Trajectory:
     """Return the timed path [(15,) each, rad]: both grips at most at `tool_speed` [m/s], joints within limits.
 
-    Limits are `joint_fraction` of the joints' speeds, and `ACCELERATION`.
+    Limits are `joint_fraction` of the joints' speeds, and `ACCELERATION`. Raises MotionError for a path beyond limits
+    of joints (or farther beyond than its start), a speed out of its range, and a motion of more than LONGEST_S.
     """
-    points = dense(path)
-    goal = np.asarray(path[-1], dtype=np.float64)
+    ranges.number("tool_speed", tool_speed, ranges.SLOWEST_TOOL, ranges.FASTEST_TOOL)
+    ranges.number("joint_fraction", joint_fraction, SLOWEST_FRACTION, 1.0)
+    whole = ranges.joints("path", path)
+    speed = joint_fraction * robot.speed
+    _check_duration(float((np.abs(np.diff(whole, axis=0)) / speed).max(axis=1, initial=0.0).sum()))
+    points, goal = dense(whole), whole[-1]
     if len(points) == 1:
         return Trajectory(PERIOD_S, goal[None].copy(), np.zeros((1, 15)))
-    q, v = _fastest(robot, points, tool_speed, joint_fraction * robot.speed)
+    q, v = _fastest(robot, points, tool_speed, speed)
     q, v = _averaged(q, points[0], goal), _averaged(v, np.zeros(15), np.zeros(15))
     q[0], q[-1] = points[0], goal
     return Trajectory(PERIOD_S, q, v)
+
+
+def _check_duration(seconds: float) -> None:
+    if not seconds <= ranges.LONGEST_S:
+        raise MotionError("path", f"of {seconds:.0f} s", f"at most {ranges.LONGEST_S:g} s: make it shorter or faster")
 
 
 def _fastest(robot: Robot, points: Array, tool_speed: float, speed: Array) -> tuple[Array, Array]:
@@ -137,6 +149,7 @@ def _in_time(grid: Array, speeds: Array) -> tuple[Array, Array]:
     """Return place on the path and path speed, `PERIOD_S` apart, from speeds (n,) at the grid (n,), evenly changed."""
     lengths = np.diff(grid)
     begins = np.concatenate(([0.0], np.cumsum(2.0 * lengths / (speeds[:-1] + speeds[1:]))))
+    _check_duration(float(begins[-1]))
     changes = 0.5 * np.diff(speeds**2) / lengths
     times = np.arange(0.0, begins[-1], PERIOD_S)
     k = np.searchsorted(begins[:-1], times, side="right") - 1

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import count, product
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from velma.errors import SceneError
 from velma.model.kinds import BOXES, DOORS, TABLES, Model
 from velma.model.numbers import objects
-from velma.model.scene import Scene
+
+if TYPE_CHECKING:  # a scene is checked for its markers
+    from velma.model.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -44,20 +46,21 @@ class Marker(NamedTuple):
         return np.asarray(middle + PLATE * (self.corners - middle))
 
 
-def of_scene(scene: Scene) -> dict[str, tuple[Marker, ...]]:
-    """Return the markers of each thing by id. Raises SceneError where they are more than MOST.
+def of_scene(scene: "Scene") -> dict[str, tuple[Marker, ...]]:
+    """Return the markers of each thing by id. Raises SceneError for the first thing for which none are left.
 
     The first of a kind has the numbers of the trial, all others the next ones from 46 on, in the order of the scene.
     """
     kept = {kind: iter(numbers) for kind, numbers in _KEPT.items()}
-    free, out = count(_FREE), {}
+    free, out = count(_FREE), dict[str, tuple[Marker, ...]]()
     for thing in scene.things:
         corners = list(_PLACES[thing.model]())
         reserved = next(kept[_kind(thing.model)], ()) if _kind(thing.model) in kept else ()
         numbers = reserved or [next(free) for _ in corners]
-        out[thing.id] = tuple(Marker(number, at) for number, at in zip(numbers, corners, strict=True))
         if max(numbers) >= MOST:
-            raise SceneError(f"thing {thing.id}", f"marker {max(numbers)}", f"at most {MOST} markers in all")
+            most = f"at most {MOST} markers in all: they suffice for the {len(out)} things before it"
+            raise SceneError(f"thing {thing.id}", f"a {thing.model} with {len(corners)} markers", most)
+        out[thing.id] = tuple(Marker(number, at) for number, at in zip(numbers, corners, strict=True))
     return out
 
 

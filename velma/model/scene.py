@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from velma.errors import SceneError
-from velma.model import leaves, scene_lines
+from velma.model import leaves, markers, scene_lines
 from velma.model.kinds import CABINETS, DOORS, TABLES, Model
 
 CANONICAL = Path(__file__).parent / "scenes" / "canonical.toml"
@@ -173,7 +173,7 @@ def load(path: Path = CANONICAL) -> Scene:
 
 
 def checked(scene: Scene) -> Scene:
-    """Return the scene itself, if its things can stand together. Raises SceneError."""
+    """Return the scene itself, if its things can stand together and be seen. Raises SceneError."""
     ids = [thing.id for thing in scene.things]
     for thing in scene.things:
         _check_thing(scene, thing, ids.count(thing.id))
@@ -188,6 +188,7 @@ def checked(scene: Scene) -> Scene:
             raise SceneError("content.friction", content.friction, f"a number from 0 to {MOST_FRICTION:g}")
     _check_noise(scene.noise)
     _check_spread(scene.spread)
+    markers.of_scene(scene)  # a thing without any would never be found
     return scene
 
 

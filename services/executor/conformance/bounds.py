@@ -48,7 +48,7 @@ def accepted(subject: Subject) -> Measured:
     with bench(subject) as robot:
         heard = Listening(robot.backend)
         core = subject.core(heard, dynamics=dynamics())
-        jerk = core.setpoint + np.linspace(0.0, 0.5, 6)[:, None]
+        jerk = core.setpoint + np.linspace(0.0, 0.5, 6)[:, None] * np.where(core.setpoint > 0.0, -1.0, 1.0)
         core.begin(motion("too fast", jerk, tolerance_m=10.0))
         for _ in range(150):
             core.cycle()

@@ -11,6 +11,8 @@ from velma.names import SIDES
 
 Array = NDArray[np.float64]
 
+HANDS_S = 120.0  # since the begin; the slowest that may be asked for closes in 25 s, squeezes in 25, waits 60
+
 
 class Act:
     """One motion from its start to its report. `track` is None as soon as the body has to stay where it is."""
@@ -49,6 +51,8 @@ class Act:
             return beside
         if self.cancelled:
             return (Phase.CANCELLED, "cancelled") if self._at_rest else None
+        if not (hands_done and head_done) and self._at_rest and now_s - self._began_s > HANDS_S:
+            return Phase.FAILED, f"{'the head' if hands_done else 'a hand'} has not arrived in {HANDS_S:g} s"
         if self._ended_by is None:
             self._ended_by = self._reached(error, hands_done)
             return None

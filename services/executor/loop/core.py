@@ -7,6 +7,7 @@ log: the process around it (`__main__`) owns those. It runs as fast as it is cal
 """
 
 import math
+from contextlib import suppress
 
 import msgspec
 import numpy as np
@@ -16,23 +17,39 @@ from services.executor.loop.act import Act
 from services.executor.loop.fingers import Fingers
 from services.executor.loop.grip_watch import GripWatch
 from services.executor.loop.payloads import Payloads
-from services.executor.loop.program import HandReport, HeadGoal, Mode, Motion, Phase, Report, Result, checked
+from services.executor.loop.program import HandReport, HeadGoal, Mode, Motion, Phase, Report, Result, checked, followed
+from velma import names, ranges
 from velma.control import cartesian, damping, head, joint, limits
 from velma.control.cartesian import CartesianGains, CartesianImpedance
 from velma.control.dynamics import Dynamics, Terms
 from velma.control.joint import JointGains
 from velma.errors import MotionError, VelmaError
 from velma.model.build import ROBOT_XML
-from velma.names import BODY, LOWER, UPPER
-from velma.sim.backend import Backend, State, no_command
+from velma.names import BODY, LOWER, SPEED, UPPER
+from velma.sim.backend import Backend, Command, State, no_command
 
 Array = NDArray[np.float64]
 
 DAMPING_CYCLES = 20  # of viscous damping after a fault, then the posture is held
+FAST_CYCLES = 5  # in a row in which a joint is faster than it can be; estimate: noise of its sensor is not
 HEAD_NEAR = 0.02  # rad: closer than this the head has arrived
 BEYOND = 0.5  # rad: no joint can be farther beyond its end; estimate: joints of a conforming robot yield by 0.1 at most
 _LEAST, _MOST = LOWER - BEYOND, UPPER + BEYOND
 _RANGES = tuple(zip(_LEAST.tolist(), _MOST.tolist(), strict=True))
+_SPEEDS = tuple(SPEED.tolist())
+SERVO_SLACK = 0.1  # rad: a measured joint may be beyond its end by that, and become a set-point
+_KINDS = (
+    ("the head's pan", names.HEAD_LOWER[0], names.HEAD_UPPER[0], 1),
+    ("the head's tilt", names.HEAD_LOWER[1], names.HEAD_UPPER[1], 1),
+    ("a spread", 0.0, names.SPREAD_UPPER, 2),
+    ("a finger", 0.0, names.FINGER_UPPER, 6),
+    ("a finger's end", 0.0, names.DISTAL_UPPER, 6),
+    ("a lock", 0.0, 1.0, 2),
+)
+_SERVOS = tuple(
+    (float(least) - SERVO_SLACK, float(most) + SERVO_SLACK) for _, least, most, count in _KINDS for _ in range(count)
+)
+"""Least and most of each set-point of `_servos`."""
 
 
 class Fault(VelmaError):
@@ -55,6 +72,20 @@ def impossible(state: State) -> str:
     return f"{BODY[farthest]} is measured at {state.q[farthest]:.3g} rad, possible are {possible}"
 
 
+def _servos(command: Command) -> list[float]:
+    """Return the set-points of head and hands in a command, as `_SERVOS` has their ranges."""
+    hands: list[float] = command.proximal.ravel().tolist() + command.distal.ravel().tolist()
+    return [*command.head.tolist(), *command.spread.tolist(), *hands, *command.locked.tolist()]
+
+
+def _impossible_servo(servos: list[float]) -> str:
+    kinds = [name for name, _, _, count in _KINDS for _ in range(count)]
+    for name, x, (least, most) in zip(kinds, servos, _SERVOS, strict=True):
+        if not least <= x <= most:
+            return f"the set-point of {name} is {x:.3g} rad, possible are {least:.2f} to {most:.2f}"
+    return ""
+
+
 class LoopCore:
     """Velma under control; see `mode`, `report` and `setpoint`."""
 
@@ -68,16 +99,19 @@ class LoopCore:
     ) -> None:
         self.backend = backend
         self.dynamics = dynamics or Dynamics(ROBOT_XML)
-        self.impedance, self._hold_gains = CartesianImpedance(gains), hold or JointGains()
+        self.impedance, self._hold_gains = CartesianImpedance(gains), ranges.checked(hold or JointGains())
         self._error = cartesian.error()
+        self._terms: Terms | None = None
         self.command = no_command()
         self.state: State = backend.observe()
         self.setpoint: Array = self.state.q.copy()
         self.fingers, self.payloads = Fingers(), Payloads()
         self.grips = GripWatch(backend.period_s)
         self.fingers.start_from(self.state)
+        self._sent = _servos(self.command)  # of head and hands, as they were sent last
         self._head_target, self._head_goal, self._head_speed = self.state.head.copy(), self.state.head.copy(), 0.0
-        self.mode, self._dwell, self._release = Mode.MOTION, 0, False
+        self.mode, self._dwell, self._release, self._fast = Mode.MOTION, 0, False, 0
+        self.stopped = False  # by a person, who has not released the robot: it holds also after a fault
         self.cycles, self.saturated, self.faults, self.last_fault = 0, 0, 0, ""
         self.act: Act | None = None
         self.report = Report()
@@ -102,7 +136,9 @@ class LoopCore:
         if self.mode is not Mode.MOTION:
             return f"the robot is in mode {self.mode}; release it first"
         try:
-            act = Act(checked(asked), self.setpoint, self.state.time)
+            asked = checked(asked)
+            act = Act(asked, self.setpoint, self.state.time)
+            followed(asked, self.setpoint)
             for row in (0, 1):
                 self.fingers.check(row, asked.hands()[row])
         except MotionError as error:
@@ -132,12 +168,13 @@ class LoopCore:
 
     def stop(self) -> None:
         """Hold the joints, whatever runs: the stop of a person."""
+        self.stopped = True
         if self.mode is not Mode.STOPPED:
             self._enter(Mode.STOPPED, "stopped by a person")
 
     def release(self) -> None:
         """Leave damping, hold or stop as soon as the dwell is over. No effect in mode motion."""
-        self._release = self.mode is not Mode.MOTION
+        self.stopped, self._release = False, self.mode is not Mode.MOTION
 
     def abandon(self, reason: str) -> None:
         """Enter damping, then hold, because nobody commands any more."""
@@ -178,11 +215,17 @@ class LoopCore:
             tau = self._control(self.state)
         except Exception as error:  # of any kind: the joints get a command in this very cycle
             self._fault(error)
-            tau = damping.torque(self.state.v)
+            tau = self._safe()
         self._send(tau)
         self.cycles += 1
 
     def _send(self, tau: Array) -> None:
+        servos = _servos(self.command)
+        if all(least <= x <= most for x, (least, most) in zip(servos, _SERVOS, strict=True)):
+            self._sent = servos
+        else:
+            self._mend()
+            tau = self._blamed(_impossible_servo(servos), tau)
         if not limits.is_accepted(tau):
             tau = self._cut(tau)
         self.command.tau[:] = tau
@@ -194,21 +237,69 @@ class LoopCore:
     def _cut(self, tau: Array) -> Array:
         """Return a torque that the lower level takes, in place of one that it does not."""
         if not np.isfinite(tau).all():
+            self._mend()
             self._fault(Fault("the torque of the control law is not a finite number"))
-            tau = damping.torque(self.state.v)
+            tau = self._safe()
         self.saturated += not limits.is_accepted(tau)
         return limits.accepted(tau)
 
+    def _blamed(self, why: str, tau: Array) -> Array:
+        """Return the safe torque after a fault of head or hands; in a safe mode, the joints stay in it."""
+        if self.mode is Mode.MOTION:
+            self._fault(Fault(why))
+            return self._safe()
+        self.faults, self.last_fault = self.faults + 1, f"Fault: {why}"
+        return tau
+
+    def _mend(self) -> None:
+        """Go back to the set-points of head and hands that were sent last."""
+        head, spread, proximal, distal, locked = np.split(np.array(self._sent), (2, 4, 10, 16))
+        command = self.command
+        command.head[:], command.spread[:], command.locked[:] = head, spread, locked
+        command.proximal[:], command.distal[:] = proximal.reshape(2, 3), distal.reshape(2, 3)
+        self.fingers = Fingers()
+        self.fingers.start_at(command)
+        self._head_target, self._head_goal = head, head.copy()
+
+    def _safe(self) -> Array:
+        """Return damping with the weight of what the hands hold, if that can be known: nothing else moves a joint."""
+        tau = damping.torque(self.state.v)
+        with suppress(Exception):  # the model may be what has failed
+            if self.payloads.mass.any():
+                if not impossible(self.state):
+                    self._terms = self.dynamics.terms(self.state.q)
+                if (terms := self._terms) is not None:  # of the last posture that was known
+                    wrench = cartesian.payload_wrench(terms.rotation, self.payloads.mass, self.payloads.lever)
+                    held = tau + terms.jacobian.T @ wrench
+                    return limits.accepted(held) if np.isfinite(held).all() else tau
+        return tau
+
     def _check(self, state: State) -> None:
-        wrong = impossible(state)
-        if wrong:
-            raise Fault(wrong)
+        # In every cycle: plain numbers take a third of the time of small arrays. NaN fails each comparison.
+        slow = all(-most <= v <= most for v, most in zip(state.v.tolist(), _SPEEDS, strict=True))
+        if slow and all(least <= q <= most for q, (least, most) in zip(state.q.tolist(), _RANGES, strict=True)):
+            self._fast = 0
+        else:
+            self._judge_state(state)
         self._dwell += 1
         if self.mode is Mode.DAMPING and self._dwell >= DAMPING_CYCLES:
-            self.mode = Mode.HOLD
+            self.mode = Mode.STOPPED if self.stopped else Mode.HOLD
             self.setpoint = state.q.copy()
         elif self.mode is not Mode.MOTION and self._release and self._dwell >= damping.DWELL_CYCLES:
             self.mode, self._release = Mode.MOTION, False
+            self.impedance.renew()
+
+    def _judge_state(self, state: State) -> None:
+        """Raise Fault for a state in which no robot can be, or in which a joint has been too fast for some cycles."""
+        wrong = impossible(state)
+        if wrong:
+            raise Fault(wrong)
+        fastest = int(np.argmax(np.abs(state.v) / SPEED))
+        self._fast = self._fast + 1 if abs(state.v[fastest]) > SPEED[fastest] else 0
+        if self._fast >= FAST_CYCLES:
+            raise Fault(
+                f"{BODY[fastest]} turns at {state.v[fastest]:.3g} rad/s, at most {SPEED[fastest]:.3g} is allowed"
+            )
 
     def _control(self, state: State) -> Array:
         dt = self.backend.period_s
@@ -219,8 +310,8 @@ class LoopCore:
         self.fingers.update(state, self.command, dt)
         if self.mode is Mode.DAMPING:
             self.grips.skip()
-            return damping.torque(state.v)
-        terms = self.dynamics.terms(state.q)
+            return self._safe()
+        self._terms = terms = self.dynamics.terms(state.q)
         self.grips.update(state, terms)
         weight = cartesian.payload_wrench(terms.rotation, self.payloads.mass, self.payloads.lever)
         if self.mode is not Mode.MOTION:
@@ -268,11 +359,14 @@ class LoopCore:
     def _fault(self, error: Exception) -> None:
         self.faults += 1
         self.last_fault = f"{type(error).__name__}: {error}"
+        self.payloads.mend()
         self._enter(Mode.DAMPING, self.last_fault)
 
     def _enter(self, mode: Mode, reason: str, phase: Phase = Phase.FAILED) -> None:
         """Leave the present motion, if any, for a safe mode."""
         self.mode, self._dwell, self._release = mode, 0, False
+        self._head_goal = self._head_target.copy()
+        self.fingers.freeze()
         if not impossible(self.state):
             self.setpoint = self.state.q.copy()
         if self.act is not None:

@@ -5,11 +5,11 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from services.executor.loop.program import Close, HandCommand, HandReport, Keep, Move, Open
+from services.executor.loop.program import Close, HandCommand, HandReport, Move, Open
 from velma.control import hand
 from velma.control.limits import within
 from velma.errors import MotionError
-from velma.names import FINGER_UPPER, SIDES, SPREAD_UPPER
+from velma.names import FINGER_UPPER, SIDES
 from velma.sim.backend import PAIR_LIMIT, SINGLE_LIMIT, Command, State
 
 Array = NDArray[np.float64]
@@ -49,14 +49,16 @@ class Fingers:
         self.motor[:] = self._goal[:] = np.clip(state.proximal, 0.0, FINGER_UPPER)
         self.spread[:] = self._spread_goal[:] = state.spread
 
+    def start_at(self, command: Command) -> None:
+        """Take the set-points and locks of a command."""
+        self.motor[:] = self._goal[:] = command.proximal
+        self.spread[:] = self._spread_goal[:] = command.spread
+        self.locked[:] = command.locked
+
     def check(self, row: int, command: HandCommand) -> None:
         """Raise MotionError if this hand cannot do that now."""
         if isinstance(command, Move | Close) and self.locked[row]:
             raise MotionError(f"{SIDES[row]} hand", f"locked, asked to {type(command).__name__}", "an Open before")
-        if isinstance(command, Move) and not all(0.0 <= x <= FINGER_UPPER for x in command.fingers):
-            raise MotionError(f"{SIDES[row]} fingers", command.fingers, f"angles from 0 to {FINGER_UPPER} rad")
-        if not isinstance(command, Keep) and not command.speed > 0.0:
-            raise MotionError(f"{SIDES[row]} hand: speed", command.speed, "a positive number of rad/s")
 
     def begin(self, row: int, command: HandCommand) -> None:
         """Start what `check` allowed."""
@@ -65,7 +67,7 @@ class Fingers:
         match command:
             case Move():
                 self._goal[row] = command.fingers
-                self._spread_goal[row] = min(max(command.spread, 0.0), SPREAD_UPPER)
+                self._spread_goal[row] = command.spread
                 self._speed[row], self._activity[row] = command.speed, Activity.MOVING
             case Close():
                 self.touched[row] = False

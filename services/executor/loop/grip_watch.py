@@ -57,10 +57,8 @@ class GripWatch:
         """Take the readings of a cycle."""
         if state.wrist is None:
             return
-        self._sensed, self._felt = (
-            True,
-            self.wrists.feel(self._well(state.wrist, terms), terms.rotation, terms.position),
-        )
+        readings = self._well(state.wrist, terms)
+        self._sensed, self._felt = True, self.wrists.feel(readings, terms.rotation, terms.position)
         forces, gravities = (self._felt[:, 0] - self._error).tolist(), self._felt[:, 1].tolist()
         masses = [grip.mass(force, gravity) for force, gravity in zip(forces, gravities, strict=True)]
         self._load += self._share * (masses - self._load)

@@ -4,6 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.executor.loop.program import Payload
+from velma.errors import MotionError
+from velma.ranges import MOST_KG, MOST_LEVER_M
 
 Array = NDArray[np.float64]
 
@@ -31,4 +33,18 @@ class Payloads:
         """Advance by dt [s]."""
         if self.mass.tolist() != self._goal.tolist():
             step = RATE * dt
+            if not (_sane(self._goal).all() and _sane(self.mass).all()):
+                found = f"{self.mass} kg on the way to {self._goal}"
+                self.mend()
+                raise MotionError("payload", found, f"from 0 to {MOST_KG:g} kg")
             self.mass += np.clip(self._goal - self.mass, -step, step)
+
+    def mend(self) -> None:
+        """Have possible numbers: a mass that is none becomes its goal, a goal that is none what is carried now."""
+        self._goal = np.where(_sane(self._goal), self._goal, np.where(_sane(self.mass), self.mass, 0.0))
+        self.mass = np.where(_sane(self.mass), self.mass, self._goal)
+        self.lever = np.where(np.abs(self.lever) <= MOST_LEVER_M, self.lever, 0.0)
+
+
+def _sane(mass: Array) -> Array:
+    return np.asarray((mass >= 0.0) & (mass <= MOST_KG))

@@ -17,7 +17,7 @@ import msgspec
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink, LoopState, Told
 from services.executor.loop.memory import Keeper
-from services.executor.loop.program import Cancel, Mode, Motion, Phase, Release
+from services.executor.loop.program import Cancel, Motion, Phase, Release
 from services.executor.loop.stillness import Stillness
 from services.executor.loop.timing import Pacer
 from velma.sim.truth import TruthReader
@@ -63,7 +63,7 @@ class LoopProcess:
         self._beat, self._silent = link.heartbeat(), 0
         if self.restored:
             core.cancel()
-            link.held = core.mode is Mode.STOPPED  # a release while no loop ran is heard
+            link.held = core.stopped  # a release while no loop ran is heard
         else:
             core.hold(SETTLE_S)
         self._publish()
@@ -139,6 +139,8 @@ class LoopProcess:
                 self._hear()  # a motion counts as a heartbeat
             case Cancel():
                 self.core.cancel(command.key)
+            case Release() if self._link.held:
+                refusal = "a person has stopped the robot, and releases it"
             case Release():
                 self.core.release()
             case msgspec.DecodeError():

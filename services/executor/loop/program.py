@@ -5,16 +5,20 @@ need not be streamed at 500 Hz. All of it is msgpack; the knots travel as bytes.
 """
 
 from enum import StrEnum
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from velma import ranges
 from velma.errors import MotionError
-from velma.names import BODY, SIDES, START
+from velma.names import BODY, START
+from velma.ranges import Bend, Effort, JointSpeed, Kilograms, Lever, Metres, Pan, Seconds, Spread, Tilt
 
 Array = NDArray[np.float64]
 
+SPLINE_SLACK = 0.02  # rad: a timed path is beside the lines between its points by less (its tests)
 KNOT_S = 0.01  # between two knots; linear interpolation is smooth enough for a hand at 0.35 m/s
 
 
@@ -25,9 +29,9 @@ class Keep(msgspec.Struct, frozen=True, tag=True):
 class Move(msgspec.Struct, frozen=True, tag=True):
     """Move the unlocked fingers one, two, three to angles [rad] at a speed [rad/s], and the spread to its angle."""
 
-    fingers: tuple[float, float, float]
-    speed: float = 1.0
-    spread: float = 0.0
+    fingers: tuple[Bend, Bend, Bend]
+    speed: JointSpeed = 1.0
+    spread: Spread = 0.0
 
 
 class Close(msgspec.Struct, frozen=True, tag=True):
@@ -37,19 +41,19 @@ class Close(msgspec.Struct, frozen=True, tag=True):
     40 deg for a jar against the palm (estimates from grasping runs: the rim turns from 2 deg on).
     """
 
-    squeeze: float
-    upto: float = 2.3
-    speed: float = 0.3
-    effort: float = 0.12
-    settle_s: float = 0.3
+    squeeze: Bend
+    upto: Bend = 2.3
+    speed: JointSpeed = 0.3
+    effort: Effort = 0.12
+    settle_s: Seconds = 0.3
     lock: bool = True
 
 
 class Open(msgspec.Struct, frozen=True, tag=True):
     """Unlock the fingers and open them by an angle [rad], slowly, so that the object does not jump."""
 
-    by: float = 0.105
-    speed: float = 0.15
+    by: Bend = 0.105
+    speed: JointSpeed = 0.15
 
 
 HandCommand = Keep | Move | Close | Open
@@ -58,9 +62,9 @@ HandCommand = Keep | Move | Close | Open
 class HeadGoal(msgspec.Struct, frozen=True):
     """Pan and tilt [rad], reached at a speed [rad/s]. VS: look-at uses 0.5."""
 
-    pan: float
-    tilt: float
-    speed: float = 0.5
+    pan: Pan
+    tilt: Tilt
+    speed: JointSpeed = 0.5
 
 
 class Payload(msgspec.Struct, frozen=True):
@@ -69,9 +73,9 @@ class Payload(msgspec.Struct, frozen=True):
     `content`: mass [kg] that may be in it besides, and leave it.
     """
 
-    mass: float = 0.0
-    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    content: float = 0.0
+    mass: Kilograms = 0.0
+    lever: tuple[Lever, Lever, Lever] = (0.0, 0.0, 0.0)
+    content: Kilograms = 0.0
 
 
 class Until(StrEnum):
@@ -99,11 +103,11 @@ class Motion(msgspec.Struct, frozen=True, tag=True):
     payload_right: Payload | None = None
     payload_left: Payload | None = None
     until: Until = Until.END
-    contact_side: str = "right"
-    contact_m: float = 0.003
-    settle_s: float = 0.0
-    tolerance_m: float = 0.1
-    tare: str = ""
+    contact_side: Literal["right", "left"] = "right"
+    contact_m: Metres = 0.003
+    settle_s: Seconds = 0.0
+    tolerance_m: Metres = 0.1
+    tare: Literal["", "right", "left"] = ""
 
     def path(self) -> Array:
         """Return the knots (n, 15) [rad], read-only."""
@@ -193,29 +197,26 @@ class Report(msgspec.Struct, frozen=True):
 Result = Report
 
 
-def motion(key: str, q: Array, **options: object) -> Motion:
+def motion(key: str, q: Array, **options: Any) -> Motion:
     """Return a motion along knots `q` (n, 15), or at rest in a posture (15,). Options are the fields of Motion.
 
     Raises MotionError.
     """
     knots = np.ascontiguousarray(np.atleast_2d(np.asarray(q, dtype=np.float64)))
-    return checked(msgspec.convert({"key": key, "knots": knots.tobytes(), **options}, Motion, from_attributes=True))
+    return checked(Motion(key, knots.tobytes(), **options))
 
 
 def checked(asked: Motion) -> Motion:
-    """Return the motion itself if the loop can follow it. Raises MotionError with the field."""
-    width = len(BODY) * START.itemsize
+    """Return the motion if a loop can follow it. Raises MotionError with the field and what is allowed."""
+    asked, width = ranges.checked(asked), len(BODY) * START.itemsize
     if not asked.knots or len(asked.knots) % width:
         raise MotionError("knots", f"{len(asked.knots)} bytes", f"n x 15 float64, a multiple of {width} bytes")
-    if not np.isfinite(asked.path()).all():
-        raise MotionError("knots", "not finite", "finite joint positions in rad")
-    if asked.contact_side not in SIDES:
-        raise MotionError("contact_side", repr(asked.contact_side), f"one of {SIDES}")
-    if asked.tare not in ("", *SIDES):
-        raise MotionError("tare", repr(asked.tare), f"one of {SIDES}, or empty")
+    followed(asked)
     if asked.until is Until.TOUCH and not any(isinstance(hand, Close) for hand in asked.hands()):
         raise MotionError("until", "touch with no hand closing", "a Close for at least one hand")
-    for name in ("settle_s", "tolerance_m", "contact_m"):
-        if not getattr(asked, name) >= 0.0:
-            raise MotionError(name, getattr(asked, name), "a number that is not negative")
     return asked
+
+
+def followed(asked: Motion, told: Array | None = None) -> None:
+    """Raise MotionError if a joint goes beyond its limit, or farther beyond than at `told` (15,), None: its begin."""
+    ranges.joints("knots", asked.path(), start=told, slack=SPLINE_SLACK)

@@ -25,7 +25,7 @@ class Track:
         """Raise MotionError if the knots (n, 15) do not start near `told` (15,), the last set-point."""
         self._knots, self._offset = knots, told - knots[0]
         worst = int(np.argmax(np.abs(self._offset)))
-        if abs(self._offset[worst]) > FARTHEST_START:
+        if not abs(self._offset[worst]) <= FARTHEST_START:
             found = f"{abs(self._offset[worst]):.3f} rad from the set-point in {BODY[worst]}"
             raise MotionError("first knot", found, f"within {FARTHEST_START} rad: start at the reported set-point")
         self.duration = (len(knots) - 1) * KNOT_S

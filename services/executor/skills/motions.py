@@ -43,7 +43,7 @@ def along(
 ) -> Motion:
     """Return the motion along a joint path, (15,) each, tool at most at `speed` [m/s], head at last on `watch`."""
     whole = [here.q, *path]
-    different = [whole[0], *(b for a, b in pairwise(whole) if np.abs(b - a).max() > 1e-6)]
+    different = [whole[0], *(b for a, b in pairwise(whole) if not np.abs(b - a).max() <= 1e-6)]  # NaN is no rest
     if len(different) == 1:
         return still(here, key, watch=watch, **options)
     knots = timed(here.robot, different, tool_speed=speed).q

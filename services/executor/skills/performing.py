@@ -21,6 +21,7 @@ from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill
 from velma import names
 from velma.control.cartesian import GRAVITY, CartesianGains
 from velma.control.grip import Grip
+from velma.errors import MotionError
 from velma.kinematics.frames import xyz_quat
 
 SAG_S = 0.3  # [s] until a hand that was stopped hangs still: -0.4 mm with the jar, 1.3 mm without it (measured)
@@ -54,19 +55,19 @@ def perform(here: Situation, command: rc.Act) -> Performance:
             else:
                 return ended(here, sights, command.key, sensed.ended, sensed.reason, began)
     except StopIteration:
-        if sensed is not None and (unfelt := _unfelt(here, command, sensed)):
-            hands = Hands(unfelt, known, sensed)
-            return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, hands, began))
-        if astray := here.astray():
-            return ended(here, sights, command.key, rc.NotDoneKind.REPLAN, astray, began)
-        return _done(here, sights, command.key, began)
+        kind = why = ""
     except Cancelled:
         return ended(here, sights, command.key, rc.NotDoneKind.CANCELLED, "cancelled", began)
     except NotPossible as reason:
-        if sensed is not None and (unfelt := _unfelt(here, command, sensed)):
-            hands = Hands(unfelt, known, sensed)
-            return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, hands, began))
-        return ended(here, sights, command.key, reason.kind, reason.reason, began)
+        kind, why = reason.kind, reason.reason
+    except MotionError as wrong:
+        kind, why = rc.NotDoneKind.FAILED, str(wrong)
+    if sensed is not None and (unfelt := _unfelt(here, command, sensed)):
+        hands = Hands(unfelt, known, sensed)
+        return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, hands, began))
+    if not kind and (why := here.astray()):
+        kind = rc.NotDoneKind.REPLAN
+    return ended(here, sights, command.key, kind, why, began) if kind else _done(here, sights, command.key, began)
 
 
 class Hands(NamedTuple):

@@ -5,12 +5,22 @@ so that an act is never begun twice. Free motions carry joint paths planned by p
 in the object's frame, and ex solves the joints again from its newest observation.
 """
 
+import math
 from enum import StrEnum
+from typing import Annotated
 
 import msgspec
 
 from companion.languages.rs import Seen
-from companion.languages.values import BodyPosture, Name, Pose, Side, Vector
+from companion.languages.values import BodyPosture, Name, Pose, Side, Vector, Within
+
+# What numbers may be; ex refuses others. As in velma.ranges, which has the sources (a test compares them).
+Angle = Annotated[float, Within(-math.tau, math.tau)]  # rad
+Bend = Annotated[float, Within(0.0, 2.443389)]  # rad, of a finger
+ToolSpeed = Annotated[float, Within(0.01, 2.0)]  # m/s
+FingerSpeed = Annotated[float, Within(0.1, 10.0)]  # rad/s
+Kilograms = Annotated[float, Within(0.0, 10.0)]
+Rest = Annotated[float, Within(0.0, 60.0)]  # s
 
 
 class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
@@ -28,15 +38,15 @@ class MoveJoint(Command, frozen=True):
 
     side: Side
     path: tuple[tuple[float, ...], ...]
-    speed: float
-    fingers: float | None = None
+    speed: ToolSpeed
+    fingers: Bend | None = None
 
 
 class Segment(msgspec.Struct, frozen=True):
     """A straight motion of the grip frame: offset in the world frame [m], speed [m/s]."""
 
     offset: Vector
-    speed: float
+    speed: ToolSpeed
 
 
 class MoveCartesian(Command, frozen=True):
@@ -50,7 +60,7 @@ class ApproachPoint(msgspec.Struct, frozen=True):
     """A grip pose (see the command for its frame) and the finger angle [rad] to have there."""
 
     at: Pose
-    fingers: float
+    fingers: Bend
 
 
 class Grasp(Command, frozen=True):
@@ -64,9 +74,9 @@ class Grasp(Command, frozen=True):
     object: str
     grasp: str
     approach: tuple[ApproachPoint, ...]
-    squeeze: float
-    speed: float
-    mass: float
+    squeeze: Bend
+    speed: FingerSpeed
+    mass: Kilograms
 
 
 class Release(Command, frozen=True, omit_defaults=True):
@@ -102,11 +112,11 @@ class Pour(Command, frozen=True):
     side: Side
     source: Name
     destination: Name
-    azimuth: float
-    spin: float
-    tilts: tuple[float, float]
-    hold: float
-    empty_mass: float
+    azimuth: Angle
+    spin: Angle
+    tilts: tuple[Angle, Angle]
+    hold: Rest
+    empty_mass: Kilograms
 
 
 class OpenDoor(Command, frozen=True):
@@ -121,11 +131,11 @@ class OpenDoor(Command, frozen=True):
     side: Side
     door: Name
     approach: tuple[ApproachPoint, ...]
-    closed: float
-    squeeze: float
-    speed: float
-    turn: float
-    least: float
+    closed: Bend
+    squeeze: Bend
+    speed: FingerSpeed
+    turn: Angle
+    least: Angle
     end: Pose | None = None
 
 

@@ -6,13 +6,21 @@ as in the robot's own description. Nothing here knows a protocol or an agent.
 
 import math
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import msgspec
 
 Vector = tuple[float, float, float]
 Name = Annotated[str, msgspec.Meta(pattern=r"\A[!-~]{1,64}\Z")]
 """Name of an object: printable ASCII without blanks, short, since it becomes a part of the id of an observation."""
+
+
+class Within(NamedTuple):
+    """The range of a number, as a note in its type. It is not checked where a message is read, but where it is acted
+    on: a refusal can say more than that a message is not understood."""
+
+    least: float
+    most: float
 
 
 class Side(StrEnum):

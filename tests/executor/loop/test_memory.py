@@ -242,7 +242,7 @@ def shows(slots):
 def test_kill_9_amid_a_motion_stops_nothing_but_the_motion(tmp_path):
     """The arms come to rest along their path; no joint and no set-point jumps; the next motion starts there."""
     slots = tmp_path / "loop.slots"
-    rise = (lambda u: u**3 * (10 - 15 * u + 6 * u * u))(np.linspace(0, 1, 401))[:, None] * 0.4
+    rise = (lambda u: u**3 * (10 - 15 * u + 6 * u * u))(np.linspace(0, 1, 401))[:, None] * 0.3
     with loop(slots) as (child, agent):
         began = seen(agent)
         agent.send(motion("up", began.setpoint + rise))

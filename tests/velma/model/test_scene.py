@@ -19,6 +19,7 @@ from velma.model.scene_xml import scene_xml
 from velma.sim.mujoco_backend import MujocoBackend
 
 CANONICAL = scene.load()
+BOXES = (*CANONICAL.things, *(Thing(f"box_{k}", Model.BOX1, (0, 0, 1)) for k in range(1, 22)))
 SCENES = sorted(scene.CANONICAL.parent.glob("*.toml"))
 
 
@@ -156,6 +157,12 @@ def test_the_error_names_file_and_line(tmp_path, before, after, line):
         scene.load(path)
 
 
+def test_as_many_things_as_there_are_markers_for_are_a_scene():
+    """One fewer than is refused above."""
+    many = msgspec.structs.replace(CANONICAL, things=BOXES[:-1])
+    assert scene.checked(many) is many
+
+
 def test_leaving_a_thing_out_does_not_move_the_others():
     """Each thing draws from its own stream."""
     bowl = scene.vary(CANONICAL, 3).find("bowl_1")
@@ -179,6 +186,7 @@ def test_leaving_a_thing_out_does_not_move_the_others():
         ({"content": scene.Content(grains=500)}, "from 0 to 60"),
         ({"content": scene.Content(friction=30.0)}, "from 0 to 3"),
         ({"noise": scene.Noise(position=3.0)}, "from 0 to 0.1"),
+        ({"things": BOXES}, "thing box_21 .* at most 250 markers in all: they suffice for the 25 things before it"),
     ],
 )
 def test_a_scene_that_cannot_be_is_refused_with_what_would_be_right(change, words):
