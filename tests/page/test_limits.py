@@ -13,6 +13,7 @@ from page_house import WITHIN_S, wait_for
 
 from services.page.limits import HEAD_BYTES, LOOK_S, MOST, READS_S, settings
 from services.page.streams import MOST as MOST_STREAMS
+from services.page.streams import Streams, sse
 
 pytestmark = pytest.mark.process
 CROWD = 300
@@ -220,6 +221,20 @@ def test_streams_are_bounded(page):
     assert not over(crowd[-1])
     for one in crowd:
         one.close()
+
+
+def test_of_many_streams_that_begin_at_once_the_oldest_end():
+    """Each ends another one, though none has had a turn to end in."""
+
+    async def said():
+        streams = Streams()
+        begun = [streams.listen("en") for _ in range(MOST_STREAMS + 6)]
+        for one in begun:
+            await anext(one)
+        streams.tell("en", "view", b"{}")
+        return [await anext(one) for one in begun]
+
+    assert asyncio.run(said()) == [sse("bye", b"")] * 6 + [sse("view", b"{}")] * MOST_STREAMS
 
 
 def test_it_ends_in_order_with_open_streams(page):
