@@ -33,10 +33,13 @@ class BoundedProtocol(H11Protocol):
         self._unread: asyncio.TimerHandle | None = None
         self._since = self.loop.time()
         self._look: asyncio.TimerHandle | None = self.loop.call_later(LOOK_S, self._looked)
-        if len(self.connections) > MOST:
-            idle = [one for one in self.connections if isinstance(one, BoundedProtocol) and one.idle]
-            if idle:
-                min(idle, key=lambda one: one._since).transport.abort()
+        if len(self.connections) <= MOST:
+            return
+        # Those that are ended leave `connections` later: of many that come at once each must end another one.
+        there = [one for one in self.connections if isinstance(one, BoundedProtocol) and not one.transport.is_closing()]
+        idle = [one for one in there if one.idle] if len(there) > MOST else []
+        if idle:
+            min(idle, key=lambda one: one._since).transport.abort()
 
     def handle_events(self) -> None:
         """Serve what has come; a head that is too long is refused, also one behind another request."""

@@ -38,6 +38,7 @@ class Streams:
         self._listeners[woken] = None
         if len(self._listeners) > MOST:
             oldest = next(iter(self._listeners))
+            del self._listeners[oldest]  # it ends later: of many that come at once each must end another one
             self._ended.add(oldest)
             oldest.set()
         try:

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import signal
 import socket
 import threading
 import time
@@ -10,8 +11,9 @@ import pytest
 import uvicorn
 from page_house import WITHIN_S, wait_for
 
-from services.page.limits import HEAD_BYTES, MOST, READS_S, settings
+from services.page.limits import HEAD_BYTES, LOOK_S, MOST, READS_S, settings
 from services.page.streams import MOST as MOST_STREAMS
+from services.page.streams import Streams, sse
 
 pytestmark = pytest.mark.process
 CROWD = 300
@@ -55,9 +57,12 @@ def rest(one):
 
 
 def test_half_open_requests_keep_nobody_out(page, house):
-    """300 connections with half a head: a person is served at once, and they are ended."""
+    """300 connections with half a head, all at once: a person is served at once, and they are ended."""
     cookie = page.paired()
+    came = time.monotonic()
+    page.process.send_signal(signal.SIGSTOP)  # so that it takes all of them in one turn of its loop
     crowd = [connected(page) for _ in range(CROWD)]
+    page.process.send_signal(signal.SIGCONT)
     for one in crowd:
         one.sendall(b"POST /stop HTTP/1.1\r\nHost: ")
     began = time.monotonic()
@@ -65,6 +70,7 @@ def test_half_open_requests_keep_nobody_out(page, house):
     assert time.monotonic() - began < WITHIN_S / 4
     assert house.held
     wait_for(lambda: sum(map(over, crowd)) >= CROWD - MOST, "the oldest are ended at once")
+    assert time.monotonic() - came < 2 * LOOK_S, "they were ended only as all that say nothing are"
     wait_for(lambda: all(map(over, crowd)), "all of them are ended")
     for one in crowd:
         one.close()
@@ -215,6 +221,20 @@ def test_streams_are_bounded(page):
     assert not over(crowd[-1])
     for one in crowd:
         one.close()
+
+
+def test_of_many_streams_that_begin_at_once_the_oldest_end():
+    """Each ends another one, though none has had a turn to end in."""
+
+    async def said():
+        streams = Streams()
+        begun = [streams.listen("en") for _ in range(MOST_STREAMS + 6)]
+        for one in begun:
+            await anext(one)
+        streams.tell("en", "view", b"{}")
+        return [await anext(one) for one in begun]
+
+    assert asyncio.run(said()) == [sse("bye", b"")] * 6 + [sse("view", b"{}")] * MOST_STREAMS
 
 
 def test_it_ends_in_order_with_open_streams(page):

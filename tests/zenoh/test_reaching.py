@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import socket
+import ssl
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ from toy_fleet import Fleet, wait_for
 
 from agent_runtime.io import keys, reaching
 from agent_runtime.io.reaching import why_not
-from agent_runtime.io.secured import AUTHORITY, Rights, client_tls
+from agent_runtime.io.secured import AUTHORITY, Rights, certificate_file, client_tls, key_file
 from agent_runtime.io.sessions import free_endpoint
 from companion.design import DESIGN
 from operate import run_folder
@@ -184,18 +185,30 @@ def test_doctor_says_the_same(
         assert_matches(expected, said)
 
 
+def older(folder: Path, address: str) -> None:
+    """Shake hands by TLS 1.2, with co's certificate."""
+    context = ssl.create_default_context(cafile=folder / AUTHORITY)
+    context.load_cert_chain(certificate_file(folder, "co"), key_file(folder, "co"))
+    context.maximum_version = ssl.TLSVersion.TLSv1_2
+    with socket.create_connection(("127.0.0.1", int(address.rpartition(":")[2])), 10.0) as connection:
+        context.wrap_socket(connection, server_hostname="127.0.0.1").close()
+
+
 def test_doctor_lists_who_was_refused(folder: Path, routers: tuple[str, str]) -> None:
     """Each reason of the router's log in plain words, with its count; none that it has no words for."""
     why_not(routers[0], client_tls(folder / "foreign", "co"))
     why_not(routers[0], client_tls(folder, ROUTER))
     why_not(routers[0], client_tls(folder / "elsewhere", "co"))
     why_not(routers[0], {"root_ca_certificate": str(folder / AUTHORITY)})
+    with pytest.raises(ssl.SSLError, match="PROTOCOL_VERSION"):
+        older(folder, routers[0])
     look = Look(FLEET, (), False, 0.0)
     expected = {
         "its certificate is of another authority",
         "its certificate is not for a client",
         "it does not take the router's certificate",
         "it has no certificate",
+        "its TLS is older than 1.3",
     }
 
     def told() -> str:

@@ -41,11 +41,11 @@ OPEN_MS = LEASE_MS
 before the other is tried: 4 instead of 12 s of silence where the first one of the list hangs (measured).
 """
 MORE_SESSIONS = 20
-"""Sessions at a router beside one of each identity that has rights there; more are refused. Estimate: a dozen verbs of
+"""Sessions at a router beside as many as there are identities; more are refused. Estimate: a dozen verbs of
 `roco` that listen, and processes that come back before their last session has ended.
 
-The companion's ten identities may have 30 then: with an unfinished message of 7.9 MB each a router took 231 MiB
-(measured), and its container has 256.
+The companion's twelve identities, of two routers, may have 32 then. With an unfinished message of 7.9 MB in each of 30
+sessions a router took 231 MiB (measured); its container has 256.
 """
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 _DROPPED_AT_LAST = {

@@ -28,6 +28,7 @@ REASONS = {
     "extended key usage": "its certificate is not for a client",
     "sent no certificates": "it has no certificate",
     "corrupt message": "it speaks no TLS",
+    "SupportedVersionsExtensionRequired": "its TLS is older than 1.3",
     "fatal alert": "it does not take the router's certificate",
     "handshake eof": "it went away amid the handshake",
 }
