@@ -33,6 +33,11 @@ def run_folders() -> tuple[Path, ...]:
     return tuple(sorted({folder for _, folder in _started()}))
 
 
+def started_with(variable: str, value: str) -> Path | None:
+    """Return the run folder of a fleet of this user that lives and has this value of a variable; None: none has."""
+    return next((folder for pid, folder in _started() if variables(pid).get(variable) == value), None)
+
+
 def _started() -> Iterator[tuple[int, Path]]:
     """Yield this user's processes that a supervisor started, each with its run folder."""
     for place in PROC.glob("[0-9]*"):

@@ -11,8 +11,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from agent_runtime.io.fleet_processes import run_folders
+from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE
 from companion.tools.verbs.checkup import CHECKS
-from operate.cli.fleet import running_fleets
 from operate.cli.fleet.checkup import Level
 from operate.cli.fleet.checkup_fleet import pictures
 from operate.cli.fleet.local import Local
@@ -33,10 +34,26 @@ def port() -> Iterator[int]:
 @pytest.mark.parametrize("variable", [GRPC, WEB, "ROCO_HTTP", "ROCO_PAGE"])
 def test_a_set_port_that_is_taken(variable: str, port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Before the fleet is up; the variable and the port are named."""
-    monkeypatch.setattr(running_fleets, "here", lambda: ())
     monkeypatch.setenv(variable, str(port) if variable in (GRPC, WEB) else f"127.0.0.1:{port}")
     wrong = [check for check in CHECKS.machine["ports"]() if check.level is Level.WRONG]
     assert [check.what for check in wrong] == [f"{variable}: another program listens at port {port}"]
+
+
+def test_a_set_port_of_a_fleet_in_any_folder(port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No other program's: the fleet is named, and says itself what is wrong with the port."""
+    monkeypatch.setenv("ROCO_HTTP", f"127.0.0.1:{port}")
+    idle = [sys.executable, "-c", "import time; time.sleep(300)"]
+    own = {FLEET_VARIABLE: "one", RUN_FOLDER_VARIABLE: str(tmp_path)}
+    with subprocess.Popen(idle, env=os.environ | own) as process:
+        try:
+            until = time.monotonic() + 20.0
+            while tmp_path not in run_folders() and time.monotonic() < until:  # until it has its own environment
+                os.sched_yield()
+            found = [(check.level, check.what) for check in CHECKS.machine["ports"]()]
+            assert (Level.NOTE, f"ROCO_HTTP: the fleet of {tmp_path} was started with port {port}") in found
+            assert Level.WRONG not in [level for level, _ in found]
+        finally:
+            process.kill()
 
 
 @pytest.mark.parametrize("own", [False, True])
