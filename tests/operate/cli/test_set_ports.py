@@ -1,6 +1,7 @@
 """`roco doctor` on ports that are set: another program has one, before a fleet is up and while it runs."""
 
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -14,10 +15,13 @@ import pytest
 from agent_runtime.io.fleet_processes import run_folders
 from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE
 from companion.tools.verbs.checkup import CHECKS
+from operate.cli.errors import NoRunError
+from operate.cli.fleet import view
 from operate.cli.fleet.checkup import Level
 from operate.cli.fleet.checkup_fleet import pictures
+from operate.cli.fleet.fleet_state import state_of
 from operate.cli.fleet.local import Local
-from operate.cli.fleet.view import GRPC, WEB
+from operate.cli.fleet.picture_ports import GRPC, SWITCH, WEB
 from operate.cli.runs import folders
 from operate.run_folder import FLEET_FILE, VIEW_FILE, Fleet, ProcessState, ProcessStatus, ViewAddress
 
@@ -60,7 +64,7 @@ def test_a_set_port_of_a_fleet_in_any_folder(port: int, tmp_path: Path, monkeypa
 def test_the_pictures_of_a_fleet(own: bool, port: int, tmp_path: Path) -> None:
     """Wrong where another program has the port; fine where view.json says that it is the monitor's."""
     idle = [sys.executable, "-c", "import time; time.sleep(300)", "services.supervisor", folders.PICTURES]
-    with subprocess.Popen(idle, env=os.environ | {GRPC: str(port)}) as process:
+    with subprocess.Popen(idle, env=os.environ | {SWITCH: "on", GRPC: str(port)}) as process:
         try:
             until = time.monotonic() + 20.0
             while not folders.is_service(process.pid, "services.supervisor"):
@@ -72,6 +76,11 @@ def test_the_pictures_of_a_fleet(own: bool, port: int, tmp_path: Path) -> None:
                 (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(port, 1, process.pid)))
             fleet = Local(tmp_path)
             found = [check.what for check in pictures(fleet, fleet.look())]
-            assert found == ([] if own else [f"none: another program listens at port {port} ({GRPC})"])
+            words = "" if own else f"another program listens at port {port} ({GRPC})"
+            assert found == ([] if own else [f"none: {words}"])
+            assert state_of(fleet).pictures == words
+            if not own:
+                with pytest.raises(NoRunError, match=re.escape(f"{tmp_path} shows nothing: {words}; end that program")):
+                    view.found(tmp_path, "", web=False)
         finally:
             process.kill()

@@ -14,7 +14,7 @@ from agent_runtime.io.reaching import LOOPBACK_REMEDY, no_loopback
 from operate.cli.errors import DockerError
 from operate.cli.fleet.checkup import Check, Level
 from operate.cli.fleet.docker import docker
-from operate.cli.fleet.view import GRPC, WEB, listens
+from operate.cli.fleet.picture_ports import GRPC, WEB, listens
 
 PROJECT = "robot-companion"
 PYTHON = (3, 11)
