@@ -4,10 +4,10 @@ import socket
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from agent_runtime.io import fleet_processes
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Look
 from operate.cli.fleet.targets import Target
-from operate.cli.runs import folders
 
 HOST = "127.0.0.1"
 SWITCH, GRPC, WEB = "ROCO_VIEW", "ROCO_VIEW_GRPC", "ROCO_VIEW_WEB"
@@ -36,11 +36,11 @@ def taken(fleet: Target, now: Look) -> Iterator[Taken]:
         return
     if fleet.variable(MONITOR, SWITCH) == "off":
         return
-    address = folders.pictures(fleet.run)
-    for name, own in ((GRPC, address and address.grpc), (WEB, address and address.web)):
-        port = fleet.variable(MONITOR, name)
-        if port.isdecimal() and int(port) not in (0, own) and listens(int(port)):
-            yield Taken(name, int(port))
+    for name in (GRPC, WEB):
+        text = fleet.variable(MONITOR, name)
+        port = int(text) if text.isdecimal() else 0
+        if 0 < port < 65536 and listens(port) and not fleet_processes.listens(fleet.run, port):
+            yield Taken(name, port)
 
 
 def listens(port: int) -> bool:
