@@ -126,7 +126,7 @@ def containers(environment: "os._Environ[str] | dict[str, str]") -> ViewAddress:
     ports = []
     for name, usual in ((GRPC, CONTAINERS.grpc), (WEB, CONTAINERS.web)):
         text = environment.get(name) or str(usual)
-        if not text.isdecimal():
+        if not text.isdecimal() or int(text) > 65535:
             raise UsageError(f"{name} is {text!r}; it must be a port, such as {usual}")
         ports.append(int(text))
     return ViewAddress(*ports)
