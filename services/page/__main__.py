@@ -81,9 +81,10 @@ def _bound(host: str, port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENT_BYTES)
     try:
         listener.bind((host, port))
-    except OSError:
+    except OSError as error:
         listener.close()
-        raise
+        why = f"{host}:{port} cannot be listened at: {error.strerror}; ROCO_PAGE names another address"
+        raise OSError(error.errno, why) from error
     return listener
 
 

@@ -1,6 +1,6 @@
-"""Exchanges of people's tools with the fleet outside the protocol: files of a run folder, hi's words over HTTP.
+"""Exchanges of people's tools with the fleet outside the protocol: files of a run folder.
 
-None of it is a communicate. docs/run-folder.md says who writes which file, docs/http.md is the contract of hi. Names
+None of it is a communicate. docs/run-folder.md says who writes which file. Names
 and types only: files are read and written in the rooms that use them.
 """
 

@@ -1,6 +1,7 @@
 """docs/http.md over a real socket, with an agent that answers at once, late, or never."""
 
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -186,6 +187,15 @@ def test_it_listens_where_it_is_told(tmp_path):
             pass
     finally:
         desk.close()
+
+
+def test_an_address_that_is_taken_is_named_with_its_variable(tmp_path):
+    """`roco up` shows these words where hi is given up."""
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        words = f"127.0.0.1:{port} cannot be listened at: Address already in use; ROCO_HTTP names another address"
+        with pytest.raises(OSError, match=re.escape(words)):
+            server.HttpDevice(lambda content: None, tmp_path, ("127.0.0.1", port))
 
 
 def test_without_a_word_it_listens_on_loopback_only():

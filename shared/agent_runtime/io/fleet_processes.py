@@ -33,6 +33,11 @@ def run_folders() -> tuple[Path, ...]:
     return tuple(sorted({folder for _, folder in _started()}))
 
 
+def started_with(variable: str, value: str) -> Path | None:
+    """Return the run folder of a fleet of this user that lives and has this value of a variable; None: none has."""
+    return next((folder for pid, folder in _started() if variables(pid).get(variable) == value), None)
+
+
 def _started() -> Iterator[tuple[int, Path]]:
     """Yield this user's processes that a supervisor started, each with its run folder."""
     for place in PROC.glob("[0-9]*"):
@@ -72,6 +77,28 @@ def deleted_files(run: Path, name: str) -> list[Path]:
                     if os.readlink(file) == target:
                         found.append(file)
     return found
+
+
+def listens(run: Path, port: int) -> bool:
+    """Whether a process that a supervisor started for a run folder listens at this TCP port."""
+    sockets = {f"socket:[{number}]" for number in _listening(port)}
+    for pid in started_in(run) if sockets else ():
+        with suppress(OSError):
+            for file in (PROC / str(pid) / "fd").iterdir():
+                with suppress(OSError):
+                    if os.readlink(file) in sockets:
+                        return True
+    return False
+
+
+def _listening(port: int) -> Iterator[str]:
+    """Yield the inodes of the sockets that listen at a TCP port (man 5 proc: /proc/net/tcp)."""
+    for table in ("tcp", "tcp6"):
+        with suppress(OSError):
+            for line in (PROC / "net" / table).read_text().splitlines()[1:]:
+                fields = line.split()
+                if fields[3] == "0A" and int(fields[1].rpartition(":")[2], 16) == port:
+                    yield fields[9]
 
 
 def _write(flag: int, byte: bytes) -> None:

@@ -21,6 +21,8 @@ MOST_BYTES = 32 * 1024 * 1024
 TRACEBACK = "Traceback (most recent call last):"
 READ_BYTES = 16_384
 """Of the end of a log; estimate: four long tracebacks."""
+LEAST_ROOM = 16 << 20
+"""Bytes without which a process may fail to start: a loop's mapped files have 10 MB, a record some kB (estimate)."""
 FAREWELL_LINES = 8
 """From the exception on which a process ends to the end of its log, at most: it closes what it has (estimate)."""
 
@@ -76,6 +78,13 @@ class Files:
             words = f"{self.why}; the fleet goes on, and it is tried again" if self.why else "all is written again"
             with suppress(OSError):  # the words go to the same disk
                 print(words, flush=True)
+
+    def no_room(self) -> str:
+        """Return in words why a process that starts may find no room in the folder; "" where there is some."""
+        with suppress(OSError):
+            if (free := shutil.disk_usage(self._run).free) < LEAST_ROOM:
+                return f"the disk of {self._run} has {free / 1e6:.1f} MB free"
+        return self.why
 
     def off(self) -> frozenset[str]:
         """Return the processes that shall not run; as last seen, where the folder cannot be read."""

@@ -21,6 +21,7 @@ from typing import IO
 
 from agent_runtime.io.fleet_processes import set_stop
 from agent_runtime.io.forked import Forked, Handed, fork
+from agent_runtime.io.options import USAGE_ERROR
 from agent_runtime.io.pulse import Pulse
 from agent_runtime.io.run_files import FLEET_VARIABLE
 from operate.run_folder import Fleet as FleetFile
@@ -129,10 +130,17 @@ class Shell:
             if code is not None:
                 del self.children[name]
                 self.files.put(folder.pid_file(self.run, name), None)
-                seen.append(core.Exited(name, code, folder.last_words(folder.log_file(self.run, name))))
+                seen.append(self._exited(name, code))
             elif self.fleet.known[name].state is ProcessState.STARTING and folder.ready_file(self.run, name).exists():
                 seen.append(core.Ready(name))
         return seen
+
+    def _exited(self, name: str, code: int) -> core.Event:
+        """The event of an end. One that began on a full disk was not started: it is tried until there is room."""
+        starting = self.fleet.known[name].state is ProcessState.STARTING and name not in self.fleet.off
+        if starting and not self.fleet.stopping and code != USAGE_ERROR and (why := self.files.no_room()):
+            return core.NotStarted(name, f"ended with code {code}, and {why}")
+        return core.Exited(name, code, folder.last_words(folder.log_file(self.run, name)))
 
     def _beats(self) -> frozenset[str]:
         """Return whose heartbeat changed since the last look."""

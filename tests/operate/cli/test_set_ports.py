@@ -1,24 +1,30 @@
 """`roco doctor` on ports that are set: another program has one, before a fleet is up and while it runs."""
 
 import os
+import re
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import msgspec
 import pytest
 
+from agent_runtime.io.fleet_processes import run_folders
+from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE
 from companion.tools.verbs.checkup import CHECKS
-from operate.cli.fleet import running_fleets
+from operate.cli.errors import NoRunError
+from operate.cli.fleet import view
 from operate.cli.fleet.checkup import Level
 from operate.cli.fleet.checkup_fleet import pictures
+from operate.cli.fleet.fleet_state import state_of
 from operate.cli.fleet.local import Local
-from operate.cli.fleet.view import GRPC, WEB
+from operate.cli.fleet.picture_ports import GRPC, SWITCH, WEB
 from operate.cli.runs import folders
-from operate.run_folder import FLEET_FILE, VIEW_FILE, Fleet, ProcessState, ProcessStatus, ViewAddress
+from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
 
 pytestmark = pytest.mark.process
 
@@ -33,28 +39,65 @@ def port() -> Iterator[int]:
 @pytest.mark.parametrize("variable", [GRPC, WEB, "ROCO_HTTP", "ROCO_PAGE"])
 def test_a_set_port_that_is_taken(variable: str, port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Before the fleet is up; the variable and the port are named."""
-    monkeypatch.setattr(running_fleets, "here", lambda: ())
     monkeypatch.setenv(variable, str(port) if variable in (GRPC, WEB) else f"127.0.0.1:{port}")
     wrong = [check for check in CHECKS.machine["ports"]() if check.level is Level.WRONG]
     assert [check.what for check in wrong] == [f"{variable}: another program listens at port {port}"]
 
 
-@pytest.mark.parametrize("own", [False, True])
-def test_the_pictures_of_a_fleet(own: bool, port: int, tmp_path: Path) -> None:
-    """Wrong where another program has the port; fine where view.json says that it is the monitor's."""
-    idle = [sys.executable, "-c", "import time; time.sleep(300)", "services.supervisor", folders.PICTURES]
-    with subprocess.Popen(idle, env=os.environ | {GRPC: str(port)}) as process:
+def test_a_set_port_of_a_fleet_in_any_folder(port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No other program's: the fleet is named, and says itself what is wrong with the port."""
+    monkeypatch.setenv("ROCO_HTTP", f"127.0.0.1:{port}")
+    idle = [sys.executable, "-c", "import time; time.sleep(300)"]
+    own = {FLEET_VARIABLE: "one", RUN_FOLDER_VARIABLE: str(tmp_path)}
+    with subprocess.Popen(idle, env=os.environ | own) as process:
         try:
             until = time.monotonic() + 20.0
-            while not folders.is_service(process.pid, "services.supervisor"):
-                assert time.monotonic() < until
-            monitor = ProcessStatus("monitor", ProcessState.READY, process.pid, module="services.supervisor")
-            told = Fleet("test", "", process.pid, time.time(), (monitor,))
-            (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(told))
-            if own:
-                (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(port, 1, process.pid)))
-            fleet = Local(tmp_path)
-            found = [check.what for check in pictures(fleet, fleet.look())]
-            assert found == ([] if own else [f"none: another program listens at port {port} ({GRPC})"])
+            while tmp_path not in run_folders() and time.monotonic() < until:  # until it has its own environment
+                os.sched_yield()
+            found = [(check.level, check.what) for check in CHECKS.machine["ports"]()]
+            assert (Level.NOTE, f"ROCO_HTTP: the fleet of {tmp_path} was started with port {port}") in found
+            assert Level.WRONG not in [level for level, _ in found]
         finally:
             process.kill()
+
+
+SERVES = """
+import socket, sys, time
+with socket.create_server(("127.0.0.1", int(sys.argv[1]))) as server:
+    print(server.getsockname()[1], flush=True)
+    time.sleep(300)
+"""
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_the_pictures_of_a_fleet(own: bool, port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wrong where another program has the port; fine where a process of the fleet has it."""
+    fleet = {FLEET_VARIABLE: "one", RUN_FOLDER_VARIABLE: str(tmp_path)}
+    with ExitStack() as stack:
+        if own:
+            command = [sys.executable, "-c", SERVES, "0"]
+            serving = stack.enter_context(
+                subprocess.Popen(command, env=os.environ | fleet, stdout=subprocess.PIPE, text=True)
+            )
+            stack.callback(serving.kill)
+            assert serving.stdout is not None
+            port = int(serving.stdout.readline())
+        idle = [sys.executable, "-c", "import time; time.sleep(300)", "services.supervisor"]
+        settings = {SWITCH: "on", GRPC: str(port), **fleet}
+        process = stack.enter_context(subprocess.Popen(idle, env=os.environ | settings))
+        stack.callback(process.kill)
+        until = time.monotonic() + 20.0
+        while not folders.is_service(process.pid, "services.supervisor"):
+            assert time.monotonic() < until
+        monitor = ProcessStatus("monitor", ProcessState.READY, process.pid, module="services.supervisor")
+        told = Fleet("test", "", process.pid, time.time(), (monitor,))
+        (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(told))
+        local = Local(tmp_path)
+        words = "" if own else f"another program listens at port {port} ({GRPC})"
+        assert [check.what for check in pictures(local, local.look())] == ([] if own else [f"none: {words}"])
+        assert state_of(local).pictures == words
+        wanted = "no pictures are served" if own else f"{words}; end that program"
+        with pytest.raises(NoRunError, match=re.escape(f"{tmp_path} shows nothing: {wanted}")):
+            view.found(tmp_path, "", web=False)
+        monkeypatch.setattr(Local, "variable", lambda self, name, variable: "70000")
+        assert state_of(local).pictures == ""  # the monitor says that it is no port

@@ -67,8 +67,9 @@ def test_containers_serve_where_compose_publishes() -> None:
     """The usual ports, or those of the environment."""
     assert view.containers({}) == ViewAddress(9876, 9090)
     assert view.containers({view.GRPC: "9976", view.WEB: "9190"}) == ViewAddress(9976, 9190)
-    with pytest.raises(UsageError, match=view.WEB):
-        view.containers({view.WEB: "page"})
+    for wrong in ("page", "70000"):
+        with pytest.raises(UsageError, match=view.WEB):
+            view.containers({view.WEB: wrong})
 
 
 def test_without_a_display_it_names_the_page(tmp_path: Path) -> None:

@@ -101,6 +101,22 @@ def test_a_full_disk_ends_neither_the_supervisor_nor_what_it_starts(
     assert told.endswith("all is written again\n")
 
 
+def test_who_finds_no_room_at_its_start_is_tried_until_there_is(
+    start: Callable[..., Shell], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More often than what fails for other reasons; then that is given up as ever."""
+    for name in ("FIRST_PAUSE_S", "LONGEST_PAUSE_S"):
+        monkeypatch.setattr(core, name, 0.01)
+    shell = start(Process("monitor", "import sys; sys.exit(1)"))
+    free = shutil.disk_usage(shell.run)._replace(free=folder.LEAST_ROOM - 1)
+    with monkeypatch.context() as full:
+        full.setattr(folder.shutil, "disk_usage", lambda path: free)
+        until(shell, lambda: shell.fleet.known["monitor"].restarts > core.ATTEMPTS)
+        words = f"ended with code 1, and the disk of {shell.run} has 16.8 MB free"
+        until(shell, lambda: shell.fleet.known["monitor"].note == words)
+    until(shell, lambda: shell.fleet.known["monitor"].state is ProcessState.GIVEN_UP)
+
+
 def test_a_deleted_run_folder_is_made_again(start: Callable[..., Shell]) -> None:
     """The supervisor goes on with what it knows, and ends its fleet in order."""
     shell = start(*TABLE)

@@ -11,9 +11,9 @@ from operate.cli.errors import ConsoleError
 from operate.cli.fleet import checkup_machine, running_fleets
 from operate.cli.fleet.checkup import Check, Checks, Level
 from operate.cli.fleet.local import Local
+from operate.cli.fleet.picture_ports import GRPC, WEB
 from operate.cli.fleet.process_status import Look
 from operate.cli.fleet.targets import Target
-from operate.cli.fleet.view import GRPC, WEB
 from velma import compiled
 from velma.errors import GlError
 from velma.sim import gl

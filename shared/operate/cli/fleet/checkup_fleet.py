@@ -9,15 +9,13 @@ from operate.cli.fleet.checkup import Check, Level
 from operate.cli.fleet.checkup_reach import refusals, router
 from operate.cli.fleet.key_times import key_folder, key_times
 from operate.cli.fleet.local import Local
+from operate.cli.fleet.picture_ports import taken
 from operate.cli.fleet.process_status import Look, Seen, stuck, trouble
 from operate.cli.fleet.targets import Target
-from operate.cli.fleet.view import GRPC, WEB, listens
-from operate.cli.runs import folders
 from operate.run_folder import ProcessState
 
 SOON = dt.timedelta(hours=12)
 """A certificate that ends before is told: a run may go on over night (estimate)."""
-MONITOR = "monitor"
 AHEAD_S = 1.0
 """A file from the future by more than this: the clock was set back."""
 
@@ -119,14 +117,8 @@ def stale(fleet: Target, now: Look) -> Iterator[Check]:
 
 def pictures(fleet: Target, now: Look) -> Iterator[Check]:
     """Whether the ports that are set for the pictures are the monitor's own."""
-    if not isinstance(fleet, Local) or not any(one.name == MONITOR and one.status.pid for one in now.seen):
-        return
-    address = folders.pictures(fleet.run)
-    for name, own in ((GRPC, address and address.grpc), (WEB, address and address.web)):
-        port = fleet.variable(MONITOR, name)
-        if port.isdecimal() and int(port) not in (0, own) and listens(int(port)):
-            remedy = f"end that program, and the pictures come; or `roco down`, and `roco up` with another {name}"
-            yield Check("pictures", Level.WRONG, f"none: another program listens at port {port} ({name})", remedy)
+    for port in taken(fleet, now):
+        yield Check("pictures", Level.WRONG, f"none: {port.words}", port.remedy)
 
 
 FLEET: dict[str, Callable[[Target, Look], Iterator[Check]]] = {

@@ -9,12 +9,12 @@ import sys
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
+from agent_runtime.io.fleet_processes import started_with
 from agent_runtime.io.reaching import LOOPBACK_REMEDY, no_loopback
 from operate.cli.errors import DockerError
-from operate.cli.fleet import running_fleets
 from operate.cli.fleet.checkup import Check, Level
 from operate.cli.fleet.docker import docker
-from operate.cli.fleet.view import GRPC, WEB, listens
+from operate.cli.fleet.picture_ports import GRPC, WEB, listens
 
 PROJECT = "robot-companion"
 PYTHON = (3, 11)
@@ -94,11 +94,17 @@ def imports(wanted: Collection[str] = IMPORTS) -> Iterator[Check]:
 def loopback(variables: Collection[str] = (GRPC, WEB)) -> Iterator[Check]:
     """Whether processes can meet on the loopback interface, over which everything goes, and whether set ports are free.
 
-    `variables`: each with a port, or host:port. Where a fleet runs here, the ports are its own, or it says whose.
+    `variables`: each with a port, or host:port. A fleet that was started with it says who has the port.
     """
-    for name in () if running_fleets.here() else variables:
-        port = os.environ.get(name, "").rpartition(":")[2]
-        if port.isdecimal() and 0 < int(port) < 65536 and listens(int(port)):
+    for name in variables:
+        value = os.environ.get(name, "")
+        port = value.rpartition(":")[2]
+        if not (port.isdecimal() and 0 < int(port) < 65536 and listens(int(port))):
+            continue
+        if fleet := started_with(name, value):
+            remedy = f"for another fleet set {name} to another port"
+            yield Check("ports", Level.NOTE, f"{name}: the fleet of {fleet} was started with port {port}", remedy)
+        else:
             remedy = f"end that program, or set {name} to another port"
             yield Check("ports", Level.WRONG, f"{name}: another program listens at port {port}", remedy)
     if why := no_loopback():

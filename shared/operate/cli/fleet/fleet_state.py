@@ -9,6 +9,7 @@ import msgspec
 
 from operate.cli.fleet import tasks
 from operate.cli.fleet.key_times import key_folder, key_times
+from operate.cli.fleet.picture_ports import taken
 from operate.cli.fleet.process_status import Look, stuck, trouble
 from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import Task
@@ -20,6 +21,7 @@ class Status(msgspec.Struct, frozen=True):
 
     `unheard`: who is not heard by whom, a sentence each; `paused`: agents that take no step. `stuck`: processes that
     are frozen or hang; `unkept`: why nobody looks after the fleet. `keys`: the certificate that does not hold.
+    `pictures`: why there are none, where another program has their port.
     """
 
     run: str
@@ -33,6 +35,7 @@ class Status(msgspec.Struct, frozen=True):
     stuck: tuple[str, ...] = ()
     unkept: str = ""
     keys: str = ""
+    pictures: str = ""
 
 
 def state_of(fleet: Target) -> Status:
@@ -45,7 +48,9 @@ def state_of(fleet: Target) -> Status:
     who = tuple(unheard(now))
     starting = any(one.status.pid and one.status.state is not ProcessState.READY for one in now.seen)
     keys = _keys(fleet, now) if troubles or who or starting else ""
-    return Status(fleet.where, now.fleet, told, now.stop_held, problem, troubles, who, paused, late, now.unkept, keys)
+    pictures = "; ".join(port.words for port in taken(fleet, now))
+    state = (fleet.where, now.fleet, told, now.stop_held, problem, troubles, who, paused, late, now.unkept, keys)
+    return Status(*state, pictures)
 
 
 def _keys(fleet: Target, now: Look) -> str:

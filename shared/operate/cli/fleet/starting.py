@@ -12,7 +12,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from agent_runtime.io.fleet_processes import started_in
+from agent_runtime.io.forked import FORKS
 from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE, make_run
+from agent_runtime.io.secured import ROUTERS
 from operate.cli.errors import WRONG_USE, FleetError, NotWaitedError, UsageError
 from operate.cli.runs import folders
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
@@ -24,6 +26,10 @@ READY_S = 90.0  # estimate: the slowest start seen on a loaded 2-core machine, d
 CHECK_S = 60.0  # estimate: it takes half a second
 LEAST_ROOM = 32 << 20  # bytes for a start; estimate: a fleet that is ready has written 12 MB
 STOP_S = 150.0  # the monitor may take two minutes for its reports, the others seconds
+LEFT_S = 10.0  # until a process without a supervisor, and not the monitor, is killed (estimate: twice an orderly end)
+MONITOR = "monitor"
+LAST = (MONITOR, "wires", FORKS, *ROUTERS)
+"""Ended after all others, the monitor first: it records their end, and writes its report."""
 
 
 def check(arguments: list[str]) -> None:
@@ -120,11 +126,9 @@ def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
         for number in (signal.SIGTERM, signal.SIGCONT):  # one that was frozen goes on, and ends
             _signal(supervisor, number)
         _wait_gone([supervisor], patience_s)
-    orphans = _orphans(run, modules)
-    for number in (signal.SIGTERM, signal.SIGKILL):
-        for pid in orphans:
-            _signal(pid, number)
-        orphans = _wait_gone(orphans, 10.0)
+    _end([pid for name, pid in _named(run, modules).items() if name not in LAST], LEFT_S)
+    _end([pid for name, pid in _named(run, modules).items() if name == MONITOR], patience_s)
+    _end([*_named(run, modules).values(), *(pid for pid in started_in(run) if pid != os.getpid())], LEFT_S)
     return tuple(status.name for status in living)
 
 
@@ -167,15 +171,23 @@ def describe(status: ProcessStatus) -> str:
     return f"{status.name}: {status.state}{again}{': ' + status.note if status.note else ''}"
 
 
-def _orphans(run: Path, modules: dict[str, str]) -> list[int]:
-    """The pids of what lives still of a run: by its pid files, a supervisor or the process of `modules` of that name;
-    by their variables, all that was started for it.
-    """
+def _named(run: Path, modules: dict[str, str]) -> dict[str, int]:
+    """The pids of what lives of a run by its pid files: a supervisor, or the process of `modules` of that name."""
     texts = {path.stem: path.read_text().strip() for path in run.glob("*.pid")}
     pids = {name: int(text) for name, text in texts.items() if text.isdigit()}
     own = {name: (modules[name],) if name in modules else folders.SUPERVISORS for name in pids}
-    told = [pid for name, pid in pids.items() if folders.is_service(pid, *own[name])]
-    return list(dict.fromkeys([*told, *(pid for pid in started_in(run) if pid != os.getpid())]))
+    return {name: pid for name, pid in pids.items() if folders.is_service(pid, *own[name])}
+
+
+def _end(pids: list[int], patience_s: float) -> None:
+    """Ask processes to end, those that are frozen, too; kill what lives after `patience_s`."""
+    for pid in pids:
+        for number in (signal.SIGTERM, signal.SIGCONT):
+            _signal(pid, number)
+    late = _wait_gone(pids, patience_s)
+    for pid in late:
+        _signal(pid, signal.SIGKILL)
+    _wait_gone(late, LEFT_S)
 
 
 def _signal(pid: int, number: signal.Signals) -> None:

@@ -20,6 +20,10 @@ def show(now: Status) -> None:
         console.print(f"{now.unkept}: `roco down`, then `roco up`", style="bold red", highlight=False, soft_wrap=True)
     if now.keys:
         console.print(f"{now.keys}: see `roco doctor`", style="bold red", highlight=False, soft_wrap=True)
+    if now.pictures:
+        console.print(
+            f"no pictures: {now.pictures}; see `roco doctor`", style="yellow", highlight=False, soft_wrap=True
+        )
     for line in now.unheard:
         console.print(line, style="yellow")
     for task in now.tasks:

@@ -24,15 +24,13 @@ from operate.cli import completion, interrupts
 from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
+from operate.cli.fleet.picture_ports import GRPC, HOST, WEB, listens, taken
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
 from operate.run_folder import RRD_FILE, ViewAddress
 
-HOST = "127.0.0.1"
-GRPC, WEB = "ROCO_VIEW_GRPC", "ROCO_VIEW_WEB"
 CONTAINERS = ViewAddress(9876, 9090)
 """Ports at which deploy/compose.yaml publishes them, unless the variables above say otherwise."""
-CONNECT_S = 1.0
 END_S = 5.0
 """Time for Rerun to end [s] (estimate: it takes a tenth)."""
 PERIOD_S = 0.02
@@ -91,6 +89,8 @@ def found(run: Path | None, target: str, web: bool) -> Seen:
         return live(address, meant.where)
     if (meant.run / RRD_FILE).exists():
         return recorded(meant.run / RRD_FILE, web)
+    for port in taken(meant, meant.look()):
+        raise NoRunError(str(meant.run), f"{meant.run} shows nothing: {port.words}; {port.remedy}")
     raise NoRunError(
         str(meant.run),
         f"{meant.run} shows nothing: no pictures are served (its fleet has ended, or ROCO_VIEW is off; see rerun.log) "
@@ -126,7 +126,7 @@ def containers(environment: "os._Environ[str] | dict[str, str]") -> ViewAddress:
     ports = []
     for name, usual in ((GRPC, CONTAINERS.grpc), (WEB, CONTAINERS.web)):
         text = environment.get(name) or str(usual)
-        if not text.isdecimal():
+        if not text.isdecimal() or int(text) > 65535:
             raise UsageError(f"{name} is {text!r}; it must be a port, such as {usual}")
         ports.append(int(text))
     return ViewAddress(*ports)
@@ -196,13 +196,6 @@ def program() -> str:
     if place is None:
         raise ConsoleError("Rerun is not installed here: pip install 'robot-companion[monitor]'")
     return place
-
-
-def listens(port: int) -> bool:
-    """Whether somebody listens at this port of this machine."""
-    with socket.socket() as probe:
-        probe.settimeout(CONNECT_S)
-        return probe.connect_ex((HOST, port)) == 0
 
 
 def free_port() -> int:
