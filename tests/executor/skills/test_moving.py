@@ -5,10 +5,12 @@ import pytest
 from robot import Acting
 
 from companion import models
+from companion.languages import rc
 from companion.languages.values import Side
-from services.executor.skills.moving import straight
+from services.executor.skills.moving import move_joint, straight
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import NotPossible
+from velma import names
 from velma.kinematics.frames import shifted, standing
 
 LEFT = Side.LEFT
@@ -47,3 +49,28 @@ def test_a_line_into_a_thing_is_blocked(jar_out: Acting) -> None:
         away = under(here, gap_m)
         with pytest.raises(NotPossible, match="cannot move straight"):
             moved(here, -WAY_M * away)
+
+
+@pytest.mark.parametrize("touched", [0, -1], ids=["left", "met"])
+def test_a_planned_path_into_what_was_seen_since_is_not_followed(jar_out: Acting, touched: int) -> None:
+    """It is planned again before anything moves; what the path leaves is no reason."""
+    here, turn = jar_out.here, np.zeros(15)
+    turn[names.ARM["right"][3]] = 0.6
+    path = [here.q + share * turn for share in np.linspace(0.0, 1.0, 13)]
+    points = tuple(tuple(q[names.COLUMNS["right"]].tolist()) for q in path)
+    here.models = {**here.models, "box_1": "box1"}
+    here.place("box_1", standing(here.robot.grip(path[touched], "right").translation))
+    work = move_joint(here, rc.MoveJoint("key", Side.RIGHT, points, 0.25, 0.3))
+    if touched == 0:
+        assert next(work).knots
+        return
+    before = here.fingers["right"]
+    with pytest.raises(NotPossible, match=r"planned path is not free any more: right_.* meets box_1"):
+        next(work)
+    assert here.fingers["right"] == before
+
+
+def test_a_motion_that_cannot_be_ends_the_act_and_nothing_else(jar_out: Acting) -> None:
+    """A speed of 0 ended the process of the skills."""
+    outcome = jar_out.act(rc.MoveCartesian("key", LEFT, (rc.Segment((0.0, 0.0, 0.01), 0.0),)))
+    assert (outcome.kind, "tool_speed is 0.0, expected a number from" in outcome.reason) == ("failed", True)
