@@ -11,6 +11,7 @@ from velma.names import SIDES
 
 Array = NDArray[np.float64]
 
+LATE_S = 1.0  # for a joint that follows late; estimate: the impedance comes to rest in 0.3 s
 HANDS_S = 120.0  # since the begin; the slowest that may be asked for closes in 25 s, squeezes in 25, waits 60
 
 
@@ -24,6 +25,7 @@ class Act:
         self.cancelled = False
         self._ended_by: Until | None = None
         self._settling_s: float | None = None
+        self._late_s: float | None = None
         self._largest = [0.0, 0.0]
         self._below_at_start: float | None = None
 
@@ -62,6 +64,15 @@ class Act:
         if self._settling_s is None:
             self._settling_s = now_s
         return (Phase.DONE, "") if now_s - self._settling_s >= self.motion.settle_s - 1e-9 else None
+
+    def wait(self, now_s: float, why: str) -> tuple[Phase, str] | None:
+        """Wait for what is not at the end of the motion; return how it ends if it does not come. `why`: what is off."""
+        if self._late_s is None:
+            self._late_s = now_s
+        if now_s - self._late_s < LATE_S:
+            return None
+        self.track = None
+        return Phase.BLOCKED, why
 
     @property
     def _at_rest(self) -> bool:

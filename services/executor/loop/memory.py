@@ -149,6 +149,7 @@ class _Act(_Saved, frozen=True, array_like=True):
     cancelled: bool
     ended_by: Until | None
     settling_s: float | None
+    late_s: float | None
     largest: list[float]
     below_at_start: float | None
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from grips import DYNAMICS, JAR_POSTURE, lever, raised, standing
 
-from services.executor.loop.core import FAST_CYCLES, LoopCore
+from services.executor.loop.core import FAST_CYCLES, TOO_FAST, LoopCore
 from services.executor.loop.program import Close, HeadGoal, Mode, Move, Payload, Phase, motion
 from velma.control import damping
 from velma.model import scene
-from velma.names import BODY, SIDES, SPEED
+from velma.names import BODY, SIDES
 from velma.sim.mock_backend import MockBackend
 from velma.sim.mujoco_backend import MujocoBackend
 
@@ -153,10 +153,10 @@ class Fast(MockBackend):
 @pytest.mark.parametrize("joint", range(15))
 def test_a_joint_that_is_too_fast_is_damped(joint):
     """By its own limit, after some cycles in a row; with fewer it is noise. A stop that held before holds after it."""
-    core = LoopCore(Fast(joint, -1.01 * SPEED[joint], FAST_CYCLES - 1), dynamics=DYNAMICS)
+    core = LoopCore(Fast(joint, -1.01 * TOO_FAST[joint], FAST_CYCLES - 1), dynamics=DYNAMICS)
     core.hold(0.1)
     assert core.faults == 0
-    core = LoopCore(Fast(joint, -1.01 * SPEED[joint], FAST_CYCLES + 3), dynamics=DYNAMICS)
+    core = LoopCore(Fast(joint, -1.01 * TOO_FAST[joint], FAST_CYCLES + 3), dynamics=DYNAMICS)
     core.stop()
     for _ in range(FAST_CYCLES + 2):
         core.cycle()
