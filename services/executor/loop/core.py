@@ -363,7 +363,9 @@ class LoopCore:
         joints = np.abs(state.q - self.setpoint)
         worst = int(np.argmax(joints))
         if joints[worst] > JOINT_OFF:
-            return f"{BODY[worst]} did not follow: it is {joints[worst]:.2f} rad from its end"
+            # The impedance moves the other joints of an arm for one that sticks: which one sticks is not known.
+            part = BODY[worst].rsplit("_", 2)[0].replace("_", " ")
+            return f"the {part} did not follow: {BODY[worst]} is {joints[worst]:.2f} rad from its end"
         for row, (side, command) in enumerate(zip(names.SIDES, asked.hands(), strict=True)):
             away, turned = (float(np.linalg.norm(error[at : at + 3])) for at in (6 * row, 6 * row + 3))
             if away > HAND_OFF_M or turned > HAND_OFF:
