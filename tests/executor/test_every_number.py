@@ -294,6 +294,8 @@ def test_a_joint_beyond_its_limit_may_come_back() -> None:
     backend.observe().q[:] = start
     core = LoopCore(backend, dynamics=DYNAMICS)
     found = timing.timed(ROBOT, [start, np.array(START)], tool_speed=0.3)
+    for _ in range(2):  # each within what is blended, and farther beyond than the set-point
+        assert "knots: left_arm_1_joint" in core.begin(motion("out", start + 0.04 * np.eye(15)[9]))
     assert core.run(motion("back", found.q)).phase is Phase.DONE
     with pytest.raises(MotionError, match="path: left_arm_1_joint"):
         timing.timed(ROBOT, [start, out], tool_speed=0.3)

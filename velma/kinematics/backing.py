@@ -44,9 +44,9 @@ def out_of_touch(robot: Robot, world: World, side: str, q: Array) -> list[Array]
 
     A short straight line, first upwards with an object in the hand, back with an empty one; else an empty arm goes
     towards its start posture, as where a hand is folded against its own arm. It comes near to nothing that is not near
-    at q.
+    at q. Nothing is tried where something touches that this arm does not move.
     """
-    if world.free(q):
+    if world.free(q) or any(not (world.moves(a, side) or world.moves(b, side)) for a, b, _ in world.touching(q)):
         return [q]
     accept, grip = no_nearer(world, q), robot.grip(q, side)
     for distance in OUT_M:

@@ -171,6 +171,11 @@ class World:
         """Whether a thing is in the hand of that side."""
         return any(thing.side == side for thing in self._things.values())
 
+    def moves(self, name: str, side: str) -> bool:
+        """Whether the arm of `side` moves this link or thing, as `touching` names it."""
+        thing = self._things.get(name)
+        return name.startswith(f"{side}_") if thing is None else thing.side == side
+
     # -- checks ----------------------------------------------------------------------------------------------------
     def free(self, q: Array) -> bool:
         """Whether nothing comes nearer to anything than the margin, at q (15,), which is finite."""

@@ -19,7 +19,7 @@ from services.executor.loop.backends import PARTS
 from services.executor.loop.link import AgentLink, StopLink
 from services.executor.loop.memory import MEMORY
 from services.executor.loop.process import Speed
-from services.executor.loop.program import Cancel, Mode, Phase, motion
+from services.executor.loop.program import Cancel, Mode, Phase, Release, motion
 from services.executor.loop.timing import Histogram, Pacer
 from services.human_interface.server import HttpDevice
 from velma.errors import SlotError
@@ -189,6 +189,26 @@ def test_a_person_stops_and_releases_without_any_agent(pair):
     for _ in range(510):
         loop.turn()
     assert agent.state().mode is Mode.MOTION
+
+
+def test_no_agent_releases_what_a_person_stopped(pair):
+    """Nor after a fault, which agents release."""
+    loop, agent, path = pair
+    people = StopLink(path)
+    people.stop()
+    loop.turn()
+    for mode in (Mode.STOPPED, Mode.DAMPING):
+        assert loop.core.mode is mode
+        agent.send(Release())
+        loop.turn()
+        assert "a person has stopped" in agent.told().refusal
+        loop.core.hold(1.1)
+        assert loop.core.mode is Mode.STOPPED
+        loop.core._fault(RuntimeError("a fault"))
+    people.release()
+    loop.turn()
+    loop.core.hold(1.1)
+    assert loop.core.mode is Mode.MOTION
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from services.executor.loop.core import FAST_CYCLES, LoopCore
 from services.executor.loop.program import Close, HeadGoal, Mode, Move, Payload, Phase, motion
 from velma.control import damping
 from velma.model import scene
-from velma.names import BODY, SPEED
+from velma.names import BODY, SIDES, SPEED
 from velma.sim.mock_backend import MockBackend
 from velma.sim.mujoco_backend import MujocoBackend
 
@@ -38,7 +38,8 @@ VALUES = (math.nan, math.inf, -math.inf, 1e12)
 NOT_A_NUMBER, NOT_FINITE, NOT_OPEN = VALUES[:1], VALUES[:3], (math.nan, math.inf, 1e12)  # an open hand drops the jar
 INJECTED = {
     "_head_target": NOT_A_NUMBER, "_head_goal": VALUES, "payloads.mass": VALUES, "payloads._goal": VALUES,
-    "payloads.lever": NOT_FINITE, "setpoint": NOT_FINITE, "fingers.spread": VALUES, "fingers.locked": VALUES,
+    "payloads.lever": NOT_FINITE, "setpoint": NOT_FINITE, "impedance._damping": NOT_FINITE,
+    "fingers.spread": VALUES, "fingers.locked": VALUES,
     "fingers.motor": NOT_OPEN, "fingers._goal": NOT_OPEN, "fingers._speed": NOT_OPEN, "fingers._spread_goal": VALUES,
 }  # fmt: skip
 
@@ -119,7 +120,19 @@ def test_readings_that_are_none_let_no_hand_sink(carrying, name):
     core.release()
     core.hold(1.1)
     assert core.run(motion("on", raised(core.setpoint, 1, 0.02))).phase is Phase.DONE
-    assert math.isfinite(core.report.left.grip.mass)
+    assert all(math.isfinite(core.report.hand(side).grip.mass) for side in SIDES)
+
+
+def test_a_weight_is_held_in_damping_too():
+    """For as long as it lasts."""
+    core = LoopCore(MockBackend(), dynamics=DYNAMICS)
+    core.payloads.mass[:] = core.payloads._goal[:] = 1.0
+    core.abandon("a test")
+    core.cycle()
+    assert core.mode is Mode.DAMPING
+    weight = core.dynamics.terms(core.state.q).jacobian[[2, 8]].sum(axis=0) * 9.81
+    np.testing.assert_allclose(core.command.tau, weight, atol=0.5)
+    assert np.abs(weight).max() > 1.5
 
 
 class Fast(MockBackend):

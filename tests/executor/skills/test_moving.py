@@ -5,10 +5,12 @@ import pytest
 from robot import Acting
 
 from companion import models
+from companion.languages import rc
 from companion.languages.values import Side
-from services.executor.skills.moving import straight
+from services.executor.skills.moving import move_joint, straight
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import NotPossible
+from velma import names
 from velma.kinematics.frames import shifted, standing
 
 LEFT = Side.LEFT
@@ -47,3 +49,31 @@ def test_a_line_into_a_thing_is_blocked(jar_out: Acting) -> None:
         away = under(here, gap_m)
         with pytest.raises(NotPossible, match="cannot move straight"):
             moved(here, -WAY_M * away)
+
+
+@pytest.mark.parametrize("touched", ["passed", "met", "end"])
+def test_a_planned_path_goes_round_what_was_seen_since(jar_out: Acting, touched: str) -> None:
+    """Another path to its end is taken; the planned one where it meets nothing, and where its end is in something."""
+    here, turn = jar_out.here, np.zeros(15)
+    turn[names.ARM["right"][1]] = 1.2
+    path = [here.q + share * turn for share in np.linspace(0.0, 1.0, 25)]
+    points = tuple(tuple(q[names.COLUMNS["right"]].tolist()) for q in path)
+    at = here.robot.grip(path[{"passed": 0, "met": 16, "end": -1}[touched]], "right").translation
+    if touched == "passed":
+        at = at + np.array([0.0, 0.5, 0.0])
+    here.models = {**here.models, "box_1": "box1"}
+    here.place("box_1", standing(at))
+    motion = next(move_joint(here, rc.MoveJoint("key", Side.RIGHT, points, 0.25, 0.3)))
+    followed = motion.path()
+    np.testing.assert_allclose(followed[-1], path[-1], atol=1e-9)
+    straight_on = np.abs(followed - here.q)[:, np.flatnonzero(turn == 0.0)].max() < 0.02
+    assert straight_on == (touched != "met")
+    if touched == "met":
+        assert not any("box_1" in pair for q in followed[::5] for pair in here.world.touching(q))
+    assert here.fingers["right"] == 0.3
+
+
+def test_a_motion_that_cannot_be_ends_the_act_and_nothing_else(jar_out: Acting) -> None:
+    """A speed of 0 ended the process of the skills."""
+    outcome = jar_out.act(rc.MoveCartesian("key", LEFT, (rc.Segment((0.0, 0.0, 0.01), 0.0),)))
+    assert (outcome.kind, "tool_speed is 0.0, expected a number from" in outcome.reason) == ("failed", True)
