@@ -12,11 +12,13 @@ from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Skill, replan
 from velma import names
 from velma.kinematics import backing, ik
-from velma.kinematics.frames import shifted
+from velma.kinematics.frames import shifted, tilt
+from velma.kinematics.tasks.carrying import upright
 from velma.kinematics.tasks.speeds import EMPTY_SPEED, HOME_TORSO, LOADED_SPEED, RETREAT_SPEED
 
 JOIN_STEP = 0.05  # [rad] between two states checked on the way to a path
 NEAR = 1e-4  # [rad]
+TILTED_MORE = 0.05  # [rad] than on the planned path a held thing may tilt on another one (estimate)
 HOME_FINGERS = 1.0  # [rad], task runs with the true robot model
 Accept = Callable[[np.ndarray], bool] | None
 
@@ -24,8 +26,8 @@ Accept = Callable[[np.ndarray], bool] | None
 def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
     """Move to the start of the planned path in a checked straight segment, then follow it.
 
-    Raises replan where the path goes into something: what was seen again since it was planned is up to 8 mm elsewhere,
-    and plans keep off by 6 mm.
+    Where it goes into something, another one is taken if there is one: what was seen again since the path was planned
+    is up to 8 mm elsewhere, and plans keep off by 6 mm.
     """
     columns = names.COLUMNS[command.side]
     path = []
@@ -33,23 +35,32 @@ def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
         q = here.q.copy()
         q[columns] = point
         path.append(q)
-    joined = joining(here, path[0])
+    path = [*joining(here, path[0]), *path]
     bent = command.fingers if command.side not in here.held else None
-    _check_path(here, path, command.side, bent)
+    path = _clear(here, path, command.side, bent, command.speed)
     options = {}
     if bent is not None:
         options = motions.hand(command.side, motions.fingers(bent))
         here.set_fingers(command.side, bent)
-    yield motions.along(here, command.key, [*joined, *path], command.speed, watch=_watched(here, path[-1]), **options)
+    yield motions.along(here, command.key, path, command.speed, watch=_watched(here, path[-1]), **options)
 
 
-def _check_path(here: Situation, path: list[np.ndarray], side: str, bent: float | None) -> None:
-    """Raise replan if the path goes into something, the fingers at this angle [rad], None: as they are."""
+def _clear(here: Situation, path: list[np.ndarray], side: str, bent: float | None, speed: float) -> list[np.ndarray]:
+    """Return the path, or one of ex's own to its end where it goes into something and there is another one.
+
+    `bent`: angle of the fingers on it [rad], None: as they are.
+    """
     here.world.fingers(side, here.fingers[side] if bent is None else bent)
     try:
         accept = _outwards(here, path[0])
-        if blocked := [state for state in path if not accept(state)]:
-            raise replan(f"the planned path is not free any more: {_named(here, blocked[0])}")
+        if all(accept(state) for state in path):
+            return path
+        keep = None
+        if side in here.held:
+            T_grip_object = here.held[side].T_grip_object
+            tilted = max(tilt(here.robot.grip(state, side) * T_grip_object) for state in path)
+            keep = upright(here.robot, side, T_grip_object, tilted + TILTED_MORE)
+        return own_paths.free_path(here, side, path[-1:], speed, keep) or path
     finally:
         here.world.fingers(side, here.fingers[side])
 
