@@ -11,7 +11,7 @@ from velma.names import SIDES
 
 Array = NDArray[np.float64]
 
-LATE_S = 1.0  # for a joint that follows late; estimate: the impedance comes to rest in 0.3 s
+LATE_S = 3.0  # for a joint that follows late; estimate: a light robot (MockBackend) comes within 0.06 rad in 1.3 s
 HANDS_S = 120.0  # since the begin; the slowest that may be asked for closes in 25 s, squeezes in 25, waits 60
 
 
