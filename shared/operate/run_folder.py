@@ -249,8 +249,7 @@ class Fleet(msgspec.Struct, frozen=True):
 
 
 class ViewAddress(msgspec.Struct, frozen=True):
-    """view.json: where Rerun's pictures of this run are served (gRPC), and its page (HTTP), by which process."""
+    """view.json, written by the monitor: where Rerun's pictures of this run are served (gRPC), and its page (HTTP)."""
 
     grpc: int
     web: int
-    pid: int = 0

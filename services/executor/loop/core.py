@@ -42,7 +42,7 @@ from velma.sim.backend import Backend, Command, State, no_command
 Array = NDArray[np.float64]
 
 DAMPING_CYCLES = 20  # of viscous damping after a fault, then the posture is held
-FAST_CYCLES = 5  # in a row in which a joint is faster than it can be; estimate: noise of its sensor is not
+FAST_CYCLES = 5  # in a row in which a joint is too fast; estimate: noise of its sensor is not
 HEAD_NEAR = 0.02  # rad: closer than this the head has arrived
 BEYOND = 0.5  # rad: no joint can be farther beyond its end; estimate: joints of a conforming robot yield by 0.1 at most
 _LEAST, _MOST = LOWER - BEYOND, UPPER + BEYOND
@@ -52,7 +52,7 @@ _SPEEDS = tuple(TOO_FAST.tolist())
 JOINT_OFF, HAND_OFF_M, HAND_OFF, FINGER_OFF = 0.06, 0.01, 0.03, 0.05
 """rad, m, rad, rad: at the end of a motion nothing is farther off than that. Twice and more the most in 304 motions of
 ten good runs (canonical, env2, doors): 0.028 rad of a joint, 4.4 mm and 0.009 rad of a hand, 0.015 rad of a finger."""
-SERVO_SLACK = 0.1  # rad: a measured joint may be beyond its end by that, and become a set-point
+SERVO_SLACK = 0.1  # rad: a measured joint may be beyond its end by that, and become a set-point (estimate)
 _KINDS = (
     ("the head's pan", names.HEAD_LOWER[0], names.HEAD_UPPER[0], 1),
     ("the head's tilt", names.HEAD_LOWER[1], names.HEAD_UPPER[1], 1),

@@ -5,7 +5,7 @@ outcome says so. But it is opened only if the joints or the eyes tell the same: 
 """
 
 from collections.abc import Collection, Generator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -50,8 +50,8 @@ def perform(here: Situation, command: rc.Act) -> Performance:
             elif sensed.ended == Phase.DONE:
                 motion = skill.send(sensed)
             elif sensed.ended == Phase.LOST:
-                hands = Hands(_feeling(here, sensed, Grip.LOST), known, sensed)
-                return (yield from _emptied(here, sights, command.key, Phase.LOST, hands, began))
+                unfelt = {side: known[side] for side in _feeling(here, sensed, Grip.LOST)}
+                return (yield from _emptied(here, sights, command.key, Phase.LOST, unfelt, began))
             else:
                 return ended(here, sights, command.key, sensed.ended, sensed.reason, began)
     except StopIteration:
@@ -62,20 +62,12 @@ def perform(here: Situation, command: rc.Act) -> Performance:
         kind, why = reason.kind, reason.reason
     except MotionError as wrong:
         kind, why = rc.NotDoneKind.FAILED, str(wrong)
-    if sensed is not None and (unfelt := _unfelt(here, command, sensed)):
-        hands = Hands(unfelt, known, sensed)
-        return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, hands, began))
+    if sensed is not None and (sides := _unfelt(here, command, sensed)):
+        unfelt = {side: known[side] for side in sides}
+        return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
     if not kind and (why := here.astray()):
         kind = rc.NotDoneKind.REPLAN
     return ended(here, sights, command.key, kind, why, began) if kind else _done(here, sights, command.key, began)
-
-
-class Hands(NamedTuple):
-    """Hands that do not feel what they should hold: sides, T_grip_object by side as known before, what is sensed."""
-
-    sides: list[str]
-    known: dict[str, pin.SE3]
-    sensed: Sensed
 
 
 def _unfelt(here: Situation, command: rc.Act, sensed: Sensed) -> list[str]:
@@ -94,14 +86,17 @@ def _feeling(here: Situation, sensed: Sensed, felt: Grip) -> list[str]:
     return [side for side in here.held if side in sensed.grips and sensed.grips[side].felt == felt]
 
 
-def _emptied(here: Situation, sights: Names, key: str, kind: str, those: Hands, began: float) -> Performance:
+def _emptied(
+    here: Situation, sights: Names, key: str, kind: str, unfelt: dict[str, pin.SE3], began: float
+) -> Performance:
     """Open hands that do not hold what they should, so that they can move again, and return the outcome.
 
-    Where no other sense tells the same, the hand stays closed.
+    `unfelt`: T_grip_object, as it was known before, of what each hand does not feel, by side. Where no other sense
+    tells the same, the hand stays closed.
     """
     sides = []
-    for side in those.sides:
-        if (yield from _gone(here, key, side, those)):
+    for side, known in unfelt.items():
+        if (yield from _gone(here, key, side, known)):
             sides.append(side)
             continue
         name, mass, inside = here.held[side].object, here.held[side].mass, here.held[side].T_grip_object
@@ -122,16 +117,16 @@ def _emptied(here: Situation, sights: Names, key: str, kind: str, those: Hands, 
     return replace(ended(here, sights, key, kind, reason, began), lost=lost)
 
 
-def _gone(here: Situation, key: str, side: str, hands: Hands) -> Generator[Motion, Sensed, bool]:
-    """Return whether the thing of a hand that does not feel it is gone by the joints or the eyes, too.
+def _gone(here: Situation, key: str, side: str, inside: pin.SE3) -> Generator[Motion, Sensed, bool]:
+    """Return whether the joints or the eyes tell, too, that a hand has lost its thing, which was `inside` it.
 
     An arm without its load rises. A thing that is seen elsewhere is gone, and so is one that would surely be seen.
     """
-    name, inside, sensed = here.held[side].object, hands.known[side], hands.sensed
+    name = here.held[side].object
     for _ in range(MORE_LOOKS):
         at = here.robot.grip(here.q, side) * inside
         sensed = yield motions.still(here, key, watch=at.translation, settle_s=SAG_S)
-        here.q, here.head, here.time = sensed.q.copy(), sensed.head, sensed.time
+        here.q, here.head, here.time = sensed.q.copy(), sensed.head, sensed.time  # what is seen may be in no hand
         if _risen(here, side, sensed):
             return True
         sight = next((one for one in sensed.sights if one.name == name), None)

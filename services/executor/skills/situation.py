@@ -156,7 +156,10 @@ class Situation:
         self.forget(name)
 
     def astray(self) -> str:
-        """Return which thing was seen to have fallen over, or to be elsewhere than a hand left it; "" for none."""
+        """Return which thing was seen to have fallen over, or to be elsewhere than a hand left it; "" for none.
+
+        What was seen since is told once.
+        """
         for name in [name for name in self.put if name in self.seen and name not in self.placed]:
             put, seen = self.put.pop(name), self.seen[name]
             aside = float(np.linalg.norm(seen.translation - put.translation))

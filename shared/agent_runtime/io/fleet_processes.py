@@ -69,26 +69,22 @@ def set_stop(run: Path, held: bool) -> None:
 
 def deleted_files(run: Path, name: str) -> list[Path]:
     """Return files in /proc: a file that was deleted from a run folder, where processes of the fleet have it open."""
-    found, target = [], f"{run / name} (deleted)"
-    for pid in started_in(run):
-        with suppress(OSError):
-            for file in (PROC / str(pid) / "fd").iterdir():
-                with suppress(OSError):
-                    if os.readlink(file) == target:
-                        found.append(file)
-    return found
+    return [file for file, target in _opened_by(run) if target == f"{run / name} (deleted)"]
 
 
 def listens(run: Path, port: int) -> bool:
     """Whether a process that a supervisor started for a run folder listens at this TCP port."""
     sockets = {f"socket:[{number}]" for number in _listening(port)}
-    for pid in started_in(run) if sockets else ():
+    return bool(sockets) and any(target in sockets for _, target in _opened_by(run))
+
+
+def _opened_by(run: Path) -> Iterator[tuple[Path, str]]:
+    """Yield what the processes of a run folder have open: the file in /proc, and what it stands for."""
+    for pid in started_in(run):
         with suppress(OSError):
             for file in (PROC / str(pid) / "fd").iterdir():
                 with suppress(OSError):
-                    if os.readlink(file) in sockets:
-                        return True
-    return False
+                    yield file, os.readlink(file)
 
 
 def _listening(port: int) -> Iterator[str]:

@@ -1,6 +1,5 @@
 """Address at which pictures are served: ROCO_VIEW, ROCO_VIEW_BIND, ROCO_VIEW_GRPC, ROCO_VIEW_WEB; also in view.json."""
 
-import os
 import socket
 from collections.abc import Mapping
 from pathlib import Path
@@ -51,8 +50,8 @@ def wanted(environment: Mapping[str, str], number: int = 0) -> Place | None:
 
 
 def tell(run: Path, place: Place) -> None:
-    """Write view.json, whole or not at all: this process serves there."""
-    write_whole(run / VIEW_FILE, msgspec.json.encode(ViewAddress(place.grpc, place.web, os.getpid())))
+    """Write view.json, whole or not at all."""
+    write_whole(run / VIEW_FILE, msgspec.json.encode(ViewAddress(place.grpc, place.web)))
 
 
 def free_port(bind: str) -> int:

@@ -82,7 +82,7 @@ class Pushed(Receptor):
     [
         ((0.0, 0.0, 0.0), 0.0, ""),
         ((0.05, 0.0, JAR_RADIUS_M - JAR_M / 2), math.pi / 2, "jar_1 fell over after it was put down"),
-        ((0.12, 0.0, 0.0), 0.0, "0.12 m from where it was put down"),
+        ((0.12, 0.0, 0.0), 0.0, "m from where it was put down"),
     ],
 )
 def test_what_is_put_down_is_looked_at(

@@ -9,9 +9,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE
 from operate.cli.errors import NoRunError, UsageError
 from operate.cli.fleet import view
-from operate.cli.runs import folders
 from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
 
 pytestmark = pytest.mark.process
@@ -23,19 +23,20 @@ PORT = "import socket, time; s = socket.create_server(('127.0.0.1', 0)); print(s
 
 
 @pytest.fixture
-def serving() -> Iterator[tuple[int, int]]:
-    """A process that listens at a port, as that of the pictures does: its pid, and the port."""
-    command = [sys.executable, "-c", f"{PORT}time.sleep(300)", folders.PICTURES]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[int]:
+    """A port at which a process listens: one of the fleet of `tmp_path` (True), or another program (False)."""
+    own = {FLEET_VARIABLE: "one", RUN_FOLDER_VARIABLE: str(tmp_path)} if request.param else {}
+    command = [sys.executable, "-c", f"{PORT}time.sleep(300)"]
+    with subprocess.Popen(command, env=os.environ | own, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        yield process.pid, int(process.stdout.readline())
+        yield int(process.stdout.readline())
         process.kill()
 
 
-def test_a_running_fleet_is_shown_where_its_monitor_serves_it(tmp_path: Path, serving: tuple[int, int]) -> None:
+@pytest.mark.parametrize("served", [True], indirect=True)
+def test_a_running_fleet_is_shown_where_its_monitor_serves_it(tmp_path: Path, served: int) -> None:
     """Live comes before a recording; page and viewer connect to the same port."""
-    pid, served = serving
-    (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(served, 4711, pid)))
+    (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(served, 4711)))
     (tmp_path / RRD_FILE).touch()
     seen = view.found(tmp_path, "", web=False)
     assert seen.live
@@ -43,9 +44,10 @@ def test_a_running_fleet_is_shown_where_its_monitor_serves_it(tmp_path: Path, se
     assert seen.url == f"http://127.0.0.1:4711/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{served}%2Fproxy"
 
 
-def test_a_fleet_that_has_ended_is_shown_by_its_recording(tmp_path: Path, serving: tuple[int, int]) -> None:
+@pytest.mark.parametrize("served", [False], indirect=True)
+def test_a_fleet_that_has_ended_is_shown_by_its_recording(tmp_path: Path, served: int) -> None:
     """view.json is left; another program listens there now."""
-    (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(serving[1], 1, os.getpid())))
+    (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(served, 1)))
     (tmp_path / RRD_FILE).touch()
     seen = view.found(tmp_path, "", web=False)
     assert (seen.live, seen.command[1:]) == (False, (str(tmp_path / RRD_FILE),))

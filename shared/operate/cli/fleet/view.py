@@ -20,6 +20,7 @@ from urllib.parse import quote
 import msgspec
 import typer
 
+from agent_runtime.io import fleet_processes
 from operate.cli import completion, interrupts
 from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import targets
@@ -27,7 +28,7 @@ from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, HOST, WEB, listens, taken
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
-from operate.run_folder import RRD_FILE, ViewAddress
+from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
 
 CONTAINERS = ViewAddress(9876, 9090)
 """Ports at which deploy/compose.yaml publishes them, unless the variables above say otherwise."""
@@ -84,8 +85,8 @@ def found(run: Path | None, target: str, web: bool) -> Seen:
     meant = targets.find(str(run) if run else target)
     if not isinstance(meant, Local):
         return live(containers(os.environ), meant.where)
-    address = folders.pictures(meant.run)
-    if address is not None and listens(address.grpc):
+    address = folders.read(meant.run / VIEW_FILE, ViewAddress)
+    if address is not None and fleet_processes.listens(meant.run, address.grpc):  # another program may have it by now
         return live(address, meant.where)
     if (meant.run / RRD_FILE).exists():
         return recorded(meant.run / RRD_FILE, web)

@@ -12,15 +12,13 @@ from agent_runtime.io.fleet_processes import started_in
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD
 from operate.cli.errors import NoRunError
-from operate.run_folder import FLEET_FILE, LATEST, LOCK_FILE, VIEW_FILE, Fleet, ProcessState, ProcessStatus, ViewAddress
+from operate.run_folder import FLEET_FILE, LATEST, LOCK_FILE, Fleet, ProcessState, ProcessStatus
 
 RUNS = Path("runs")
 NAME = "%Y-%m-%d_%H-%M-%S"
 """Name of a run's folder: when it began, in local time."""
 SUPERVISORS = ("operate.supervisor", "services.supervisor")
 """Modules that keep a fleet: that of any system, and the one that containers of the Robot Companion run."""
-PICTURES = "operate.pictures"
-"""Module of the process that serves pictures."""
 T = TypeVar("T")
 
 
@@ -116,12 +114,6 @@ def is_service(pid: int, *modules: str) -> bool:
     except OSError:
         return False
     return any(module in words for module in modules if module)
-
-
-def pictures(run: Path) -> ViewAddress | None:
-    """Where pictures of a run are served now; None if the process that said so has ended: others may have its ports."""
-    told = read(run / VIEW_FILE, ViewAddress)
-    return told if told is not None and is_service(told.pid, PICTURES) else None
 
 
 def stop_held(run: Path) -> bool:
