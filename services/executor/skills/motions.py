@@ -57,6 +57,12 @@ def still(here: Situation, key: str, *, watch: Point | None = None, **options: A
     return motion(key, here.q, head=head, **options)
 
 
+def turned(here: Situation, q: np.ndarray, point: Point) -> HeadGoal | None:
+    """Return the head goal that centres a point [m, world] at q (15,); None: an arm is too near the head."""
+    goal = aim(float(q[names.TORSO]), point)
+    return goal if turning(here, [q], goal) == goal else None
+
+
 def fingers(angle: float, speed: float = 1.0) -> Move:
     """Return the command that moves all three fingers to one angle [rad]."""
     return Move((angle, angle, angle), speed)

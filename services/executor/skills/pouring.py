@@ -18,7 +18,8 @@ from companion.languages import rc
 from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Unfinished
 from services.executor.skills import motions
-from services.executor.skills.looking import missed
+from services.executor.skills.head_turning import AHEAD
+from services.executor.skills.looking import REST_S, missed
 from services.executor.skills.moving import joining, straight
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill, empty, failed, missing, replan
@@ -43,6 +44,9 @@ MOVED_M = 0.015  # of the destination, seen only above it: a stream that misses 
 SEEN_KG = 0.06  # content of which all is seen: of more, a pile hides some (velma.eyes.content)
 AWAY = ((0.15, 0.0), (0.25, 0.0), (0.25, 0.1), (0.15, 0.2), (0.3, 0.2), (0.0, 0.3))
 """Ways of the hand after a pour [m]: back, against the direction of the stream, and up; estimates."""
+AROUND = tuple((k * math.tau / 8.0, back) for k in range(1, 8) for back in (0.1, 0.2, 0.3))
+"""Ways where none of those leaves the opening in view: the angle [rad] from that direction, and how far [m]; estimates.
+After a stop the arm may stand elsewhere: its elbow was before the bowl, and so near the head that it could not turn."""
 
 
 def pour(here: Situation, command: rc.Pour) -> Skill:
@@ -81,24 +85,38 @@ def _look_into(here: Situation, command: rc.Pour, rim: np.ndarray) -> Skill:
     here.looked_into.discard(command.destination)  # what was seen in it before this is old
     here.at_least.pop(command.destination, None)
     with suppress(NotPossible, Cancelled):
-        sensed = yield motions.along(here, command.key, _away(here, command), BACK_SPEED, watch=rim)
+        back = motions.along(here, command.key, _away(here, command, rim), BACK_SPEED, watch=rim)
+        sensed = yield back
+        if back.head == AHEAD:  # an arm was near it on the way
+            sensed = yield motions.still(here, command.key, watch=rim, settle_s=REST_S)
         yield from missed(here, command.key, command.destination, sensed)
 
 
-def _away(here: Situation, command: rc.Pour) -> list[np.ndarray]:
+def _away(here: Situation, command: rc.Pour, rim: np.ndarray) -> list[np.ndarray]:
     """Return the first straight way of the hand, none at best, that hides the least of the destination."""
     grip = here.robot.grip(here.q, command.side)
-    forth = np.array([math.cos(command.azimuth), math.sin(command.azimuth)])
+    ways = [*((0.0, back, up) for back, up in AWAY), *((around, back, 0.0) for around, back in AROUND)]
     best: list[np.ndarray] = []
-    least = here.hidden(command.destination, here.q)
-    for back, up in AWAY:
+    least = _hidden(here, command, rim, here.q)
+    for around, back, up in ways:
         if least == 0:
             break
+        azimuth = command.azimuth + around
+        way = [-back * math.cos(azimuth), -back * math.sin(azimuth), up]
         with suppress(NotPossible):
-            path = straight(here, command.side, here.q, shifted(grip, [*(-back * forth), up]), here.world.free)
-            if (hidden := here.hidden(command.destination, path[-1])) < least:
+            path = straight(here, command.side, here.q, shifted(grip, way), here.world.free)
+            if (hidden := _hidden(here, command, rim, path[-1])) < least:
                 best, least = path, hidden
     return best
+
+
+def _hidden(here: Situation, command: rc.Pour, rim: np.ndarray, q: np.ndarray) -> float:
+    """Return how many points of the destination's opening are hidden at q (15,), with the head turned to it.
+
+    Infinite where an arm is too near the head.
+    """
+    head = motions.turned(here, q, rim)
+    return math.inf if head is None else here.hidden(command.destination, q, (head.pan, head.tilt))
 
 
 def _judge(here: Situation, command: rc.Pour, begun: Unfinished, rim: np.ndarray) -> None:

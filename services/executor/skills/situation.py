@@ -104,14 +104,15 @@ class Situation:
             else:
                 self.at_least[sight.name] = sight.content
 
-    def hidden(self, name: str, q: np.ndarray) -> float:
+    def hidden(self, name: str, q: np.ndarray, head: tuple[float, float] | None = None) -> float:
         """Return how many points of a thing's opening, else of its origin, are hidden from the head, at q (15,).
 
-        By what is known. Infinite for a thing in a hand, or farther away than it is surely seen.
+        By what is known. `head`: its pan and tilt [rad], None: as they are. Infinite for a thing in a hand, or farther
+        away than it is surely seen.
         """
         if not self._stands(name):
             return math.inf
-        eye = self._eye(q)
+        eye = self._eye(q, head)
         hole = models.MODELS[self.models[name]].hole
         points = [self.seen[name].act(np.array(point)) for point in (_edge(hole) if hole else [(0.0, 0.0, 0.0)])]
         if np.linalg.norm(points[0] - eye) > SURE_M:
@@ -137,9 +138,9 @@ class Situation:
         """Whether it is known where a thing is, and no hand holds it."""
         return name in self.seen and self.holder(name) is None
 
-    def _eye(self, q: np.ndarray) -> Array:
-        """Return the place (3,) [m] of the camera at q (15,)."""
-        return np.asarray(self.robot.camera(float(q[names.TORSO]), *self.head).translation)
+    def _eye(self, q: np.ndarray, head: tuple[float, float] | None = None) -> Array:
+        """Return the place (3,) [m] of the camera at q (15,) and a pan and tilt [rad]; None: as they are."""
+        return np.asarray(self.robot.camera(float(q[names.TORSO]), *(head or self.head)).translation)
 
     def miss(self, name: str, sights: Sequence[Sight]) -> bool:
         """Forget where a thing is, if it is not seen though it surely would be there; return whether it is missing.

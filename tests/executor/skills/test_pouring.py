@@ -16,8 +16,9 @@ from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Unfinished
 from services.executor.sight import Sight
 from services.executor.skills.looking import MORE_LOOKS
-from services.executor.skills.motions import aim
+from services.executor.skills.motions import aim, turned
 from services.executor.skills.performing import perform
+from services.executor.skills.pouring import _away
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Sensed
 from velma import names
@@ -265,6 +266,20 @@ def test_the_hand_is_drawn_back_until_the_bowl_is_in_view(over_the_bowl: tuple[S
     here, command = over_the_bowl
     _, motions = performed(here, command, FULL, EMPTY)
     assert here.hidden(BOWL, motions[-1].path()[-1]) == 0
+
+
+def test_the_hand_is_drawn_aside_where_the_elbow_is_near_the_head(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """The posture, the bowl and the azimuth of a pour after a stop: the head could not turn to the bowl."""
+    here, command = over_the_bowl
+    here.place(BOWL, standing(np.array([0.630, -0.490, 0.775])))
+    here.q[[names.TORSO, *names.ARM["left"]]] = [-0.954, -2.557, 2.064, -2.190, 1.663, 1.771, 0.696, 1.003]
+    here.head = (0.0, 0.0)
+    rim = here.seen[BOWL].act(np.array(models.MODELS[here.models[BOWL]].hole.centre))
+    assert turned(here, here.q, rim) is None
+    path = _away(here, msgspec.structs.replace(command, azimuth=0.2), rim)
+    head = turned(here, path[-1], rim)
+    assert head is not None
+    assert here.hidden(BOWL, path[-1], (head.pan, head.tilt)) == 0
 
 
 def test_a_cancel_while_it_looks_changes_nothing(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
