@@ -13,12 +13,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from agent_runtime.io.heartbeat import ready_file
 from agent_runtime.io.run_files import heartbeat_file
 from companion.tools.system import SYSTEM
 from companion.tools.verbs import main_job
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.watch import Watch
-from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
+from operate.run_folder import FLEET_FILE, LIVE_FILE, AgentIn, Fleet, ProcessState, ProcessStatus
 from operate.supervisor import keeping
 
 RESTS = {"ta": "idle", "ex": "idle"}
@@ -94,6 +95,19 @@ def test_a_process_that_will_be_ready_is_waited_for(tmp_path: Path, told: io.Str
     coming = state in {"waiting", "starting", "backing-off"}
     with runs(tmp_path, ProcessStatus("monitor", state)):
         assert rested(tmp_path, told) == ([f"monitor is {state}"] if coming else [])
+
+
+@pytest.mark.parametrize("later_s", [-1.0, 1.0, None])
+def test_a_monitor_that_began_again_is_waited_for(tmp_path: Path, told: io.StringIO, later_s: float | None) -> None:
+    """Until it has recorded something of the robot, of which it hears twice a second; it may never have."""
+    for agent in RESTS:
+        beats(tmp_path, agent, "idle")
+    ready_file(tmp_path, "monitor").touch()
+    if later_s is not None:
+        line = AgentIn(t=time.time() + later_s, agent="loop", state="motion")
+        (tmp_path / LIVE_FILE).write_bytes(msgspec.json.encode(line) + b"\n")
+    heard = later_s is not None and later_s > 0.0
+    assert rested(tmp_path, told) == ([] if heard else ["monitor has not heard of the robot"])
 
 
 def test_a_fleet_that_is_gone_is_not_waited_for(tmp_path: Path, told: io.StringIO) -> None:

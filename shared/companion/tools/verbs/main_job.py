@@ -10,8 +10,11 @@ from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io.heartbeat import ready_file
 from agent_runtime.io.run_files import heartbeat_file
+from agent_runtime.io.tap import RECORDER
 from companion.run_files import TaskLine
+from companion.tools.live import LOOP
 from companion.tools.system import JOB
 from companion.tools.verbs.hi import Hi, HiError, address
 from operate.cli import interrupts
@@ -21,6 +24,7 @@ from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Look, stuck
 from operate.cli.fleet.tasks import ENDED
 from operate.cli.runs import folders
+from operate.cli.terminal.run_state import View
 from operate.cli.terminal.watch import Watch
 from operate.run_folder import REPORT_FILE, ProcessState
 
@@ -133,10 +137,15 @@ def at_rest(
     """Wait until each agent says that it is in its state of rest and every process gets on, but not for ever.
 
     Return who is not at rest, in words. A task that failed or was cancelled may have ended for its person while ta and
-    ex still stop. What an agent said before this wait counts for nothing. A monitor that hangs has not seen the end.
+    ex still stop. What an agent said before this wait counts for nothing. A monitor that hangs, or began again and has
+    not heard of the robot since, has not seen the end.
     """
     began, end, fleet = time.time(), time.monotonic() + within_s, Local(run)
-    while (busy := [*_busy(run, rests, began), *_not_up(fleet.look())]) and alive() and time.monotonic() < end:
+
+    def unready() -> list[str]:
+        return [*_busy(run, rests, began), *_not_up(fleet.look()), *_unheard(run, watch.scene.view)]
+
+    while (busy := unready()) and alive() and time.monotonic() < end:
         said = [words for words in busy if words]
         if said:
             watch.waits(f"until the robot is at rest: {', '.join(said)}")
@@ -162,6 +171,13 @@ def _not_up(look: Look) -> Iterator[str]:
             yield f"{one.name} is {one.status.state}"
         elif words := stuck(one):
             yield f"{one.name} {words}" if words.startswith("hangs") else f"{one.name} is {words}"
+
+
+def _unheard(run: Path, view: View) -> Iterator[str]:
+    """Yield the monitor where it has recorded nothing of the robot since it began: twice a second it is told of it."""
+    began, loop = ready_file(run, RECORDER), view.agents.get(LOOP)
+    if began.exists() and began.stat().st_mtime > (0.0 if loop is None else loop.t):
+        yield f"{RECORDER} has not heard of the robot"
 
 
 def _found(tasks: tuple[TaskLine, ...], task: TaskLine, sentence: str) -> TaskLine | None:

@@ -16,10 +16,11 @@ _decoder: msgspec.json.Decoder[LiveLine] = msgspec.json.Decoder(LiveLine)
 
 
 class Seen(msgspec.Struct, frozen=True):
-    """An agent: its state, whether its token is there."""
+    """An agent: its state, whether its token is there; `t`: when it said so [unix s]."""
 
     state: str
     alive: bool = True
+    t: float = 0.0
 
 
 class Counted(msgspec.Struct, frozen=True):
@@ -73,8 +74,8 @@ def fold(view: View, line: LiveLine) -> View:
             counted = Counted(before.count + 1, before.bytes + line.bytes, words)
             sent = {**view.sent, sender: view.sent.get(sender, 0) + 1}
             return msgspec.structs.replace(view, sent=sent, channels={**view.channels, channel: counted})
-        case AgentIn(agent=agent, state=state, alive=alive):
-            return msgspec.structs.replace(view, agents={**view.agents, agent: Seen(state, alive)})
+        case AgentIn(agent=agent, state=state, alive=alive, t=t):
+            return msgspec.structs.replace(view, agents={**view.agents, agent: Seen(state, alive, t)})
         case PlanSeen(plan=plan, task=task, states=states):
             return msgspec.structs.replace(view, plan=Plan(plan, task, states), plans=view.plans + 1)
         case PlanAt(at=at, outcome=outcome) if view.plan is not None:
