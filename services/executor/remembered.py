@@ -37,7 +37,7 @@ class Remembered(msgspec.Struct, frozen=True):
     """`q`: set-points of torso, right arm, left arm (15,) [rad], () before the first message of the loop.
 
     `fingers`: angle per side [rad]. `seen`: last pose of each thing in the world (of a held one: before it was taken).
-    `placed`: things that a hand let go of in the last act and that were not seen since, by id the time [s].
+    `placed`: things that a hand let go of and that were not seen since, by id the time [s]; `seen` has where.
     `unfinished`: pours that were begun and not ended, by source. `time`: simulated [s].
     `epoch`: name of the simulated world in which all that is so, "" of a real one.
     """

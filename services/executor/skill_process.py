@@ -54,7 +54,8 @@ class Stage:
             here.set_fingers(str(side), angle)
         for side, one in kept.held.items():
             here.take(str(side), Held(one.object, one.grasp, transform(one.pose), one.mass))
-        here.unfinished = dict(kept.unfinished)
+        here.unfinished, here.placed = dict(kept.unfinished), dict(kept.placed)
+        here.put = {name: here.seen[name] for name in kept.placed}
         return here
 
     def sensed(self, felt: Felt) -> Sensed:

@@ -150,24 +150,24 @@ def take(here: Situation, sensed: Sensed) -> None:
 
 def _done(here: Situation, sights: Names, key: str, began: float) -> rc.Done:
     """Return the outcome of an act that was done."""
-    seen, placed = _seen_and_placed(here, sights)
+    seen, placed = _seen_and_placed(here, sights, began)
     took, missing = here.time - began, tuple(sorted(here.missing))
     return rc.Done(key, posture(here), seen, held(here), took, here.weighed, placed, here.arrived, missing, here.ill)
 
 
 def ended(here: Situation, sights: Names, key: str, kind: str, reason: str, began: float) -> rc.NotDone:
     """Return the outcome of an act that was not done."""
-    seen, placed = _seen_and_placed(here, sights)
+    seen, placed = _seen_and_placed(here, sights, began)
     took, missing = here.time - began, tuple(sorted(here.missing))
     return rc.NotDone(
         key, kind, reason, posture(here), seen, held(here), took, placed=placed, missing=missing, ill=here.ill
     )
 
 
-def _seen_and_placed(here: Situation, sights: Names) -> tuple[tuple[rs.Seen, ...], tuple[rs.Seen, ...]]:
-    """Return what was seen in this act, and what a hand let go of and that was not seen since."""
+def _seen_and_placed(here: Situation, sights: Names, began: float) -> tuple[tuple[rs.Seen, ...], tuple[rs.Seen, ...]]:
+    """Return what was seen in this act, and what a hand let go of in it and that was not seen since."""
     seen = (name for name in sights if name not in here.placed and (name in here.seen or here.holder(name)))
-    placed = here.placed.items()
+    placed = ((name, at) for name, at in here.placed.items() if at >= began)
     return tuple(_at(here, name, here.time) for name in seen), tuple(_at(here, name, at) for name, at in placed)
 
 

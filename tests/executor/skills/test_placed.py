@@ -9,10 +9,11 @@ from robot import Acting
 
 from companion.languages import rc
 from companion.languages.values import Pose, Side
+from services.executor.local import ByRays, Felt, Setup
 from services.executor.receptor import Receptor
 from services.executor.remembered import Remembered
 from services.executor.sight import Neck
-from services.executor.skill_process import remembered
+from services.executor.skill_process import Stage, remembered
 from services.executor.skills.emergency_place import free_spot
 from velma.kinematics.frames import lies, transform, xyz_quat
 from velma.kinematics.tasks.placing import ABOVE_M
@@ -135,3 +136,27 @@ def test_what_is_put_down_and_seen_there_is_told_as_seen(jar_out: Acting) -> Non
     assert look.placed == ()
     (jar,) = [one for one in look.seen if one.object == JAR]
     assert jar.uncertainty is not None
+
+
+@pytest.mark.parametrize("toppled", [True, False])
+def test_another_skill_process_compares_what_was_put_down_too(jar_out: Acting, toppled: bool) -> None:
+    """Each act begins from what ex remembers; the one that sees the jar next tells whether it stands."""
+    eye, jar_out.eye = jar_out.eye, Blind()
+    jar_out.done(jar_out.put_down(JAR, LEFT))
+    stood, here = tuple(jar_out.truth.at[JAR]), jar_out.here
+    if toppled:
+        put(
+            jar_out,
+            JAR,
+            np.add(stood, (0.05, 0.0, JAR_RADIUS_M - JAR_M / 2)),
+            (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0),
+        )
+    felt = Felt(here.q.tobytes(), here.q.tobytes(), here.head, here.time)
+    jar_out.here, jar_out.eye = Stage(Setup(), _unchanged).situation(remembered(here, ""), felt), eye
+    outcome = jar_out.act(rc.Look("look", (stood,)))
+    assert outcome.placed == ()
+    assert getattr(outcome, "reason", "") == ("jar_1 fell over after it was put down" if toppled else "")
+
+
+def _unchanged(eyes: ByRays) -> None:
+    raise AssertionError(eyes.reason)
