@@ -6,6 +6,7 @@ explains waits up to `patience_s` for one that does. Time comes in as an argumen
 beginning was not heard is not judged, and never an alarm.
 """
 
+import math
 from itertools import count
 
 from fipa_codec.communicate import Communicate, decode_strictly, number_of
@@ -42,6 +43,7 @@ class Judge:
         self._lives: dict[str, int] = {}
         self._journals: dict[str, str] = {}
         self._whole: set[str] = set()
+        self._deaf_until = -math.inf
         self._found: list[Judgement] = []
 
     # --- what comes in ------------------------------------------------------------------------------------------------
@@ -119,6 +121,7 @@ class Judge:
         `sender`: by this agent alone; its conversations.
         """
         self._advance(since)
+        self._deaf_until = max(self._deaf_until, at)
         if sender:
             self._whole.discard(sender)
             self._lose([talk for talk in self._talks if sender in talk.agents], self._streams.forget(sender))
@@ -215,6 +218,10 @@ class Judge:
         talk.at = entry.heard.at
         if talk.followed is None and not talk.lost and self._talks.opens(one):
             self._talks.open(talk, entry)
+            if one.sent and one.sent <= self._deaf_until:  # perhaps a copy, and what was said since was not heard
+                self._lose([talk], [entry])
+                self._lose([talk], [])
+                return
         if talk.lost:
             self._pass_over(entry, talk.lost)
         elif talk.followed is None or self._behind(talk, entry) or not self._took(talk, entry):
