@@ -172,7 +172,7 @@ def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     if isinstance(said, sw.Report) and said.state not in sw.FINAL:
         return _on_progress(memory, turn, job, said)
     if isinstance(said, sw.Report) and said.state is WorkerState.SUCCEEDED:
-        words.done(turn, job, said.reason or f"it took {turn.now - job.arrived:.0f} s")
+        words.done(turn, job, said.reason or f"it took {turn.now - job.arrived:.0f} s", said.evidence)
         return memory.without_job(job)
     if job.cancelling:
         return _cancelled(memory, turn, job, words.reason(said))
@@ -180,7 +180,9 @@ def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         return _suspended(memory, turn, job, limits)
     if isinstance(said, sw.Report) and said.state is WorkerState.REPLAN:
         return _on_replan(memory, turn, job, said, limits)
-    return _failed(memory, turn, job, words.reason(said) or _without_reason(received))
+    evidence = said.evidence if isinstance(said, sw.Report) else ()
+    words.failed(turn, job, words.reason(said) or _without_reason(received), evidence)
+    return memory.without_job(job)
 
 
 def _more_time(job: Job | None, said: object) -> float | None:

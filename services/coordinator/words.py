@@ -9,6 +9,7 @@ from agent_runtime.core.turn import Turn
 from companion.design import AgentName
 from companion.languages import cmd, hfsm, sw
 from companion.languages.cmd import TaskReport, TaskState
+from companion.languages.evidence import Evidence, fitting
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative
 from services.coordinator.memory import Job
@@ -57,9 +58,10 @@ def settled(command: cmd.Task, plan: hfsm.HierarchicalPlan) -> hfsm.Task | None:
     return None
 
 
-def report(state: TaskState, text: str) -> TaskReport:
-    """Return a report, its text cut to the budget."""
-    return TaskReport(state, cut(text))
+def report(state: TaskState, text: str, evidence: tuple[Evidence, ...] = ()) -> TaskReport:
+    """Return a report, its text cut to the budget, with as much of the evidence as there is room for."""
+    words = cut(text)
+    return TaskReport(state, words, evidence=fitting(evidence, LONGEST_TEXT - len(words.encode())))
 
 
 def called(job: Job) -> str:
@@ -110,14 +112,14 @@ def asks(turn: Turn, job: Job, said: sw.Report) -> None:
         turn.say(job.conversation, Performative.INFORM, TaskReport(TaskState.RUNNING, text, asks=said.at))
 
 
-def done(turn: Turn, job: Job, text: str) -> None:
-    """Tell hi that the task is done; a cancel that crossed it came too late."""
-    _last(turn, job, Performative.INFORM, report(TaskState.DONE, text))
+def done(turn: Turn, job: Job, text: str, evidence: tuple[Evidence, ...]) -> None:
+    """Tell hi that the task is done, and how that is known; a cancel that crossed it came too late."""
+    _last(turn, job, Performative.INFORM, report(TaskState.DONE, text, evidence))
 
 
-def failed(turn: Turn, job: Job, text: str) -> None:
+def failed(turn: Turn, job: Job, text: str, evidence: tuple[Evidence, ...] = ()) -> None:
     """Tell hi that the task failed, and why; then answer a cancel that crossed it."""
-    _last(turn, job, Performative.FAILURE, report(TaskState.FAILED, text))
+    _last(turn, job, Performative.FAILURE, report(TaskState.FAILED, text, evidence))
 
 
 def cancelled(turn: Turn, job: Job, text: str) -> None:

@@ -110,7 +110,7 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
         problem = _nothing_to_cancel(memory, word.task)
         told = _cancelling((line,), word.language) if line else None
         turn.tell(Answer(word.ticket, told) if told else Answer(word.ticket, problem=problem, status=404))
-        return memory
+        return memory.forgetting(line.task) if line else memory
     if line := memory.again(word):  # a double click
         memory = memory.asking(word.asker, word.at, (), ()).hearing(word, line)
         turn.tell(_shown(memory))
@@ -305,6 +305,7 @@ def tell(memory: Memory, turn: Turn) -> Memory:
             since = turn.now if line.state != news.state else line.since
             text = news.text if news.text or news.state in FINAL else line.text
             line = replace(line, state=news.state, text=text, since=since, steps=_steps(line, news), asks=news.asks)
+            line = replace(line, evidence=news.evidence)
             memory = memory.with_task(replace(line, accepted=line.accepted or _taken(news)))
         memory = replace(memory, told=memory.told + 1)
         turn.tell(Told(HiEvent(memory.told, turn.now, news.agent, news.name, news.text, news.task)))

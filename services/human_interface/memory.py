@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from companion.languages.cmd import TaskState
+from companion.languages.evidence import Evidence
 from companion.run_files import TaskLine
 from services.human_interface.local import Local, Said
 from services.human_interface.wishes import Context, Option
@@ -22,7 +23,8 @@ FINAL = frozenset({TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED})
 class News(msgspec.Struct, frozen=True):
     """News of a task ("": of none). `name`: a task state or an event of hi; `state` "": no change.
 
-    `steps`: of a new plan; `asks`: the state of the plan that waits for an operator.
+    `steps`: of a new plan; `asks`: the state of the plan that waits for an operator. `evidence`: at the end, what is
+    true now and which senses told.
     """
 
     agent: str
@@ -32,6 +34,7 @@ class News(msgspec.Struct, frozen=True):
     state: str = ""
     steps: tuple[str, ...] = ()
     asks: str = ""
+    evidence: tuple[Evidence, ...] = ()
 
 
 class Asked(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -117,6 +120,10 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         others = tuple(one for one in self.heard if one.asker != word.asker and word.at - one.at <= AGAIN_S)
         new = (Heard(word.asker, word.at, _words(word), line),) if word.asker else ()
         return msgspec.structs.replace(self, heard=(*others, *new)[-MOST_ASKED:])
+
+    def forgetting(self, task: str) -> "Memory":
+        """Return the memory in which the sentence of a cancelled task is new if it is said again."""
+        return msgspec.structs.replace(self, heard=tuple(one for one in self.heard if one.line.task != task))
 
     def following(self, task: str, before: str) -> "Memory":
         """Return the memory with a task that needs the one before it."""

@@ -5,6 +5,7 @@ from agent_runtime.core.turn import Turn
 from companion.design import AgentName
 from companion.languages import cmd
 from companion.languages.cmd import TaskState
+from companion.languages.evidence import Evidence
 from fipa_codec.performatives import Performative as P
 from services.human_interface.memory import FINAL, Memory, News
 
@@ -31,8 +32,9 @@ def news(memory: Memory, received: Received) -> tuple[News, ...]:
     if received.communicate.performative in (P.AGREE, P.INFORM) and isinstance(said, cmd.TaskReport):
         about = ABOUT.get(said.state, AgentName.CO)
         text = asking(said.asks, text) if said.asks else text
-        return (News(about, said.state, text, name, said.state, said.steps, said.asks),)
-    return (failed(name, text or f"the coordinator said {received.communicate.performative} and no reason"),)
+        return (News(about, said.state, text, name, said.state, said.steps, said.asks, said.evidence),)
+    why = text or f"the coordinator said {received.communicate.performative} and no reason"
+    return (failed(name, why, getattr(said, "evidence", ())),)
 
 
 def asking(at: str, hand: str) -> str:
@@ -40,6 +42,6 @@ def asking(at: str, hand: str) -> str:
     return f"waits for you: next is '{' '.join(filter(None, (at.replace('/', ': '), hand)))}' - `roco step` to go on"
 
 
-def failed(name: str, why: str) -> News:
+def failed(name: str, why: str, evidence: tuple[Evidence, ...] = ()) -> News:
     """Return the news that a task failed, and why."""
-    return News(AgentName.CO, TaskState.FAILED, why, name, TaskState.FAILED)
+    return News(AgentName.CO, TaskState.FAILED, why, name, TaskState.FAILED, evidence=evidence)

@@ -13,6 +13,7 @@ from agent_runtime.core.turn import Turn
 from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import hfsm, rc, sw, wm
+from companion.languages.evidence import fitting, unchecked
 from fipa_codec.performatives import Performative
 from services.task import acts, running, stepping
 from services.task import plan as plans
@@ -22,7 +23,7 @@ from services.task.words import SURVEY
 SURVEYS = 3  # tries of a look around; estimate: ex may still be starting at the first
 AGAIN_S, AGAIN = 2.0, "survey again"
 BARRIER_S, BARRIER = 30.0, "barrier"  # estimate: km is restarted within seconds, or it is gone for good
-REASON_CHARS = 200  # a report must stay within its 400 bytes
+REASON_CHARS = 200  # with the evidence; a report must stay within its 400 bytes
 
 
 def agent() -> Agent[Memory]:
@@ -61,7 +62,12 @@ def _taken(memory: Memory, turn: Turn, conversation: str, plan: hfsm.Hierarchica
     except plans.PlanError as error:
         turn.say(conversation, Performative.REFUSE, sw.Report(sw.WorkerState.FAILED, reason=str(error)[:REASON_CHARS]))
         return memory
-    return Memory(conversation=conversation, plan=plan, hands=memory.hands, acts=memory.acts)
+    return replace(_between_plans(memory), conversation=conversation, plan=plan)
+
+
+def _between_plans(memory: Memory) -> Memory:
+    """Return what is kept from plan to plan; of the evidence, what nobody has checked yet."""
+    return Memory(hands=memory.hands, evidence=unchecked(memory.evidence), acts=memory.acts)
 
 
 def survey(memory: Memory, turn: Turn) -> Memory:
@@ -139,7 +145,9 @@ def _report(memory: Memory, turn: Turn, reason: str) -> Memory:
     assert memory.end is not None
     turn.unwake(BARRIER)
     if turn.holds(memory.conversation):
-        report = sw.Report(memory.end, reason=reason[:REASON_CHARS])
+        words = reason[:REASON_CHARS]
+        told = fitting(memory.evidence, REASON_CHARS - len(words.encode()))
+        report = sw.Report(memory.end, reason=words, evidence=told)
         turn.say(memory.conversation, Performative.INFORM, report)
     return replace(memory, reported=True)
 
@@ -149,5 +157,5 @@ def await_acknowledgement(memory: Memory, turn: Turn) -> Memory:
     running.observed(turn)
     match turn.event:
         case Broken() | Received() | None if not turn.holds(memory.conversation):
-            return Memory(hands=memory.hands, acts=memory.acts)
+            return _between_plans(memory)
     return memory

@@ -16,7 +16,7 @@ from fipa_codec.performatives import Performative
 from services.task import acts, orders
 from services.task import plan as plans
 from services.task.memory import Memory, Pending, Soft, way_to_safety
-from services.task.words import SURVEY
+from services.task.words import SURVEY, known_after, not_checked
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
 ATTEMPTS = 2  # to put down what is held: the second one starts elsewhere, with newer observations (estimate)
@@ -95,7 +95,9 @@ def preempted(memory: Memory, turn: Turn, reason: str) -> Memory:
 
 
 def _finish(memory: Memory, outcome: Outcome, reason: str) -> Memory:
-    return replace(memory, end=ENDS[outcome], reason=reason)
+    """End the plan; where it succeeded, say what nobody has checked."""
+    words = not_checked(memory.evidence) if outcome is Outcome.SUCCEEDED else ""
+    return replace(memory, end=ENDS[outcome], reason=_joined(reason, words))
 
 
 # --- securing ---------------------------------------------------------------------------------------------------------
@@ -180,6 +182,7 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
     if memory.looking:
         return finish(replace(memory, looking=False), Outcome.REPLAN, memory.reason)
     if isinstance(outcome, rc.Done):
+        memory = replace(memory, evidence=known_after(memory.evidence, outcome))
         if outcome.missing and outcome.arrived is None and memory.safe is None:
             return _look(memory, turn, outcome.key, f"{' and '.join(outcome.missing)}: not where it was")
         end = Outcome.SUCCEEDED if _confirmed(memory, outcome) else Outcome.FAILED
@@ -210,12 +213,10 @@ def _look(memory: Memory, turn: Turn, key: str, reason: str) -> Memory:
 
 
 def _confirmed(memory: Memory, outcome: rc.Done) -> bool:
-    """Whether what the act was for was seen: content that nobody saw in the destination is not poured."""
-    match plans.leaf(memory.machine, memory.at):
-        case hfsm.ActState(command=rc.Pour()):
-            return outcome.arrived is True
-        case _:
-            return True
+    """Whether a sense told of each thing that the act fails without: content that nobody saw there is not poured."""
+    leaf = plans.leaf(memory.machine, memory.at)
+    needed = rc.needed(type(leaf.command)) if isinstance(leaf, hfsm.ActState) else frozenset()
+    return needed <= {one.claim for one in outcome.evidence if one.by}
 
 
 def _seen(memory: Memory, outcome: rc.Done) -> str:

@@ -2,9 +2,11 @@
 
 from collections.abc import Iterator
 
-from companion.languages import rc, wm
+from companion.languages import rc, rs, wm
+from companion.languages.evidence import Claim, Evidence, Sense, newest, unchecked
 from companion.languages.values import Side
 from companion.look_around import POINTS
+from companion.wording import CLAIMS
 
 SURVEY = rc.Look(key="survey", at=POINTS)
 """The look around for a new observer of the world."""
@@ -34,6 +36,27 @@ def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnySight]:
             yield wm.SeenObject(seen.object, seen.model, seen.pose, seen.at, seen.content, seen.uncertainty)
     for one in outcome.placed:
         yield wm.PlacedObject(object=one.object, model=one.model, pose=one.pose, at=one.at)
+
+
+def known_after(known: tuple[Evidence, ...], done: rc.Done) -> tuple[Evidence, ...]:
+    """Return what is known after an act. A thing that stands where it was put is checked by any act that sees it: ex
+    would have told that it fell over or is elsewhere.
+    """
+    held = {name for name, _, _ in done.held.values()}
+    put = {one.of for one in known if one.claim is Claim.STANDS}
+    seen = (one for one in done.seen if one.object in put and one.object not in held)
+    stands = (Evidence(Claim.STANDS, one.object, (Sense.EYES,), one.at, _within(one)) for one in seen)
+    return newest((*known, *stands), done.evidence, held)
+
+
+def _within(seen: rs.Seen) -> float:
+    return 0.0 if seen.uncertainty is None else seen.uncertainty.deviation
+
+
+def not_checked(known: tuple[Evidence, ...]) -> str:
+    """Return in words what no sense has told; "" for nothing."""
+    claims = " and whether ".join(CLAIMS[one.claim].format(one.of) for one in unchecked(known))
+    return claims and f"not checked: whether {claims}"
 
 
 def subject(observation: wm.AnyObservation) -> str:

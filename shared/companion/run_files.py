@@ -7,6 +7,8 @@ from typing import Annotated
 
 import msgspec
 
+from companion.languages.evidence import Evidence
+
 HI_FILE = "hi.json"
 PAGE_FILE = "page.json"
 REFUSED = "refused"
@@ -82,7 +84,8 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
     `then`: the tasks that follow, where a sentence has several wishes. `accepted`: the coordinator took it. `wish`: a
     sentence from which this task alone is understood. `replies`: sentences that answer a question. `steps`: what its
     plan does, one after the other; `text` begins with one of them while the task runs. `urgency`, `deadline` [unix s]:
-    as it was said. `asks`: path of the plan's state that waits for an operator; `text` says so then.
+    as it was said. `asks`: path of the plan's state that waits for an operator; `text` says so then. `evidence`: at the
+    end, what is true now and which senses told.
     """
 
     task: str
@@ -98,6 +101,7 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
     urgency: int = 0
     deadline: float = 0.0
     asks: str = ""
+    evidence: tuple[Evidence, ...] = ()
 
 
 class Wish(msgspec.Struct, frozen=True):

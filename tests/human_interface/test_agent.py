@@ -538,6 +538,17 @@ def test_six_clicks_are_one_task(scene, text):
     assert len(scene.heard) == 1 + 3 * asked
 
 
+def test_what_was_cancelled_is_new_if_it_is_said_again_at_once(scene):
+    """Whoever cancels it, and by a button, too; another task of the same person stays the same one."""
+    first, other = scene.say("take the jar").line.task, scene.say("look around", "another").line.task
+    scene.report(first, P.AGREE, TaskState.WAITING)
+    scene.wires.post("hi", CancelWanted("c", first))
+    scene.settle()
+    scene.report(first, P.INFORM, TaskState.CANCELLED, kind=Kind.CANCEL)
+    assert scene.say("take the jar").line.task not in (first, other)
+    assert scene.say("look around", "another").line.task == other
+
+
 def test_clicks_in_another_order_are_one_task(scene):
     """Each request has a thread of its own: a later click may be first."""
     for at in (1.0, 0.0, 1.2, 0.4):

@@ -11,11 +11,15 @@ from ta_alone import BODY, HOME, LOOK, OK, Scene, plan
 from agent_runtime.core.events import Woken
 from agent_runtime.testing.wires import Point
 from companion.languages import hfsm, rc, rs, sw, wm
+from companion.languages.evidence import Claim, Evidence, Sense
 from companion.languages.values import Pose, Side
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from services.task import acts, behaviours
 from services.task.memory import Act, Memory
+
+ARRIVED = (Evidence(Claim.ARRIVED, "bowl_1", (Sense.EYES,), 3.0),)
+PUT = Evidence(Claim.STANDS, "jar_1")
 
 
 def test_a_plan_that_leads_nowhere_is_refused() -> None:
@@ -178,6 +182,25 @@ def test_what_was_put_down_and_not_seen_is_told_so() -> None:
     assert told == [wm.PlacedObject("jar_1", "jar", at, 3.0)]
 
 
+@pytest.mark.parametrize("looked", [True, False])
+def test_what_nobody_saw_standing_is_told_so_until_it_is_seen(looked: bool) -> None:
+    """By the plan that put it down, and as evidence by the next one: a look at it tells that it stands."""
+    scene, at = Scene(), Pose((0.6, -0.5, 0.875))
+    scene.start(plan(hfsm.ActState("home", HOME)))
+    scene.hears("ex", 1)
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    scene.ex(P.INFORM, rc.Done(HOME.key, BODY, evidence=(PUT,)))
+    report = scene.hears("co", 2)
+    assert (report.state, report.evidence) == (sw.WorkerState.SUCCEEDED, (PUT,))
+    assert report.reason == "not checked: whether jar_1 stands where it was put"
+    scene.start(plan(hfsm.ActState("look", LOOK)))
+    scene.hears("ex", 2)
+    seen = (rs.Seen("jar_1", "jar", at, 5.0),) if looked else ()
+    scene.ex(P.INFORM, rc.Done(LOOK.key, BODY, seen), number=1)
+    by = Evidence(Claim.STANDS, "jar_1", (Sense.EYES,), 5.0)
+    assert scene.hears("co", 4).evidence == ((by,) if looked else (PUT,))
+
+
 def test_a_wrist_that_does_not_feel_is_told() -> None:
     """With what the task came to, well or not."""
     for outcome in (rc.Done("plan/1", BODY, ill={Side.LEFT: "reads zero"}), lost()):
@@ -204,7 +227,7 @@ def test_what_stays_in_the_jar_is_told() -> None:
         )
         scene.hears("ex", 1)
         scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
-        scene.ex(P.INFORM, rc.Done("plan/1", BODY, weighed=(0.26, after), arrived=True))
+        scene.ex(P.INFORM, rc.Done("plan/1", BODY, weighed=(0.26, after), arrived=True, evidence=ARRIVED))
         told.append(scene.hears("co", 2).reason)
     felt = ("felt: 50 g left jar_1", "felt: 30 g left jar_1, 30 g are still in it")
     assert told == [f"{one}; seen: some in b" for one in felt]
@@ -232,8 +255,8 @@ def test_content_that_is_not_seen_to_arrive_was_not_poured(
     scene.start(plan(hfsm.ActState("pour", pour)))
     scene.hears("ex", 1)
     scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
-    seen = (rs.Seen("bowl_1", "bowl_high", at, 3.0, content),)
-    scene.ex(P.INFORM, rc.Done("plan/1", BODY, seen, weighed=(0.26, 0.2), arrived=arrived))
+    seen, evidence = (rs.Seen("bowl_1", "bowl_high", at, 3.0, content),), ARRIVED if arrived else ()
+    scene.ex(P.INFORM, rc.Done("plan/1", BODY, seen, weighed=(0.26, 0.2), arrived=arrived, evidence=evidence))
     report = scene.hears("co", 2)
     assert (report.state, report.reason.startswith(told)) == (state, True), report.reason
     news = [one for _, _, one in scene.heard["km"] if isinstance(one, wm.SeenObject)]
@@ -248,7 +271,7 @@ def test_content_is_told_only_if_it_was_felt(weighed: tuple[float, float] | None
     scene.start(plan(hfsm.ActState("pour", pour)))
     scene.hears("ex", 1)
     scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
-    scene.ex(P.INFORM, rc.Done("plan/1", BODY, weighed=weighed, arrived=True))
+    scene.ex(P.INFORM, rc.Done("plan/1", BODY, weighed=weighed, arrived=True, evidence=ARRIVED))
     report = scene.hears("co", 2)
     assert report.state is sw.WorkerState.SUCCEEDED
     felt = [content for _, _, content in scene.heard["km"] if isinstance(content, wm.FeltContent)]

@@ -15,6 +15,7 @@ from companion.languages import rc, rs
 from companion.languages.values import BodyPosture, Pose, Side
 from services.executor.loop.program import Motion, Open, Phase
 from services.executor.skills import SKILLS, motions
+from services.executor.skills.evidence import evidence
 from services.executor.skills.looking import MORE_LOOKS
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill
@@ -67,7 +68,7 @@ def perform(here: Situation, command: rc.Act) -> Performance:
         return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
     if not kind and (why := here.astray()):
         kind = rc.NotDoneKind.REPLAN
-    return ended(here, sights, command.key, kind, why, began) if kind else _done(here, sights, command.key, began)
+    return ended(here, sights, command.key, kind, why, began) if kind else _done(here, sights, command, sensed, began)
 
 
 def _unfelt(here: Situation, command: rc.Act, sensed: Sensed) -> list[str]:
@@ -148,11 +149,14 @@ def take(here: Situation, sensed: Sensed) -> None:
     here.see(sensed.sights)
 
 
-def _done(here: Situation, sights: Names, key: str, began: float) -> rc.Done:
-    """Return the outcome of an act that was done."""
+def _done(here: Situation, sights: Names, command: rc.Act, sensed: Sensed | None, began: float) -> rc.Done:
+    """Return the outcome of an act that was done; `sensed`: after its last motion."""
     seen, placed = _seen_and_placed(here, sights, began)
     took, missing = here.time - began, tuple(sorted(here.missing))
-    return rc.Done(key, posture(here), seen, held(here), took, here.weighed, placed, here.arrived, missing, here.ill)
+    return rc.Done(
+        command.key, posture(here), seen, held(here), took, here.weighed, placed, here.arrived, missing, here.ill,
+        evidence(here, command, sensed),
+    )  # fmt: skip
 
 
 def ended(here: Situation, sights: Names, key: str, kind: str, reason: str, began: float) -> rc.NotDone:

@@ -51,7 +51,8 @@ class Situation:
     look into each that nothing hid; `looked_into`: those of this act; `at_least`: mass seen by the last look of this
     act, where an arm or the thing's own wall hid some. `filled`: things that something was poured into.
     `uncertain`: how far the poses in `seen` may be off, where eyes told it. `missing`: things that were looked for in
-    this act and are not where they should be. `ill`: wrists that read what cannot be, and what.
+    this act and are not where they should be. `looked_at`: things that were seen in this act, since a hand that let go
+    of them did. `ill`: wrists that read what cannot be, and what.
     """
 
     robot: Robot
@@ -75,16 +76,18 @@ class Situation:
     filled: set[str] = field(default_factory=set)
     uncertain: dict[str, Uncertainty] = field(default_factory=dict)
     missing: set[str] = field(default_factory=set)
+    looked_at: set[str] = field(default_factory=set)
     ill: dict[Side, str] = field(default_factory=dict)
 
     def begin(self) -> None:
         """Forget what is told at the end of one act only."""
         self.weighed = self.arrived = None
-        self.looked_into, self.at_least, self.missing = set(), {}, set()
+        self.looked_into, self.at_least, self.missing, self.looked_at = set(), {}, set(), set()
 
     def see(self, sights: Sequence[Sight]) -> None:
         """Take sights of the receptor: the pose in the hand of a held object, of any other the pose in the world."""
         self.missing -= {sight.name for sight in sights}
+        self.looked_at |= {sight.name for sight in sights}
         for sight in sights:
             side = self.holder(sight.name)
             if side is None:
@@ -182,6 +185,7 @@ class Situation:
     def take(self, side: str, held: Held) -> None:
         """Note that the hand holds this."""
         self.put.pop(held.object, None)
+        self.looked_at.discard(held.object)
         self.held[side] = held
         self.world.attach(held.object, side, held.T_grip_object)
 
@@ -191,6 +195,7 @@ class Situation:
         pose = self.robot.grip(self.q, side) * held.T_grip_object
         self.seen[held.object] = pose
         self.placed[held.object], self.put[held.object] = self.time, pose
+        self.looked_at.discard(held.object)
         self._note(held.object, None)
         self.world.detach(held.object, pose)
 

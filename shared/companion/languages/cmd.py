@@ -8,6 +8,8 @@ from typing import get_args
 
 import msgspec
 
+from companion.languages.evidence import Evidence
+
 
 class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
     """A command of a person. `urgency`: more urgent ones come first; `deadline`, `start`: until when it is to be done,
@@ -81,7 +83,8 @@ class TaskState(StrEnum):
 
 
 class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """State of a task, in words for a person. `steps`: with a new plan, what it does one after the other.
+    """State of a task, in words for a person. `steps`: with a new plan, what it does one after the other. `evidence`:
+    at the end, what is true now and which senses told.
 
     `asks`: the path of the plan's state that waits for an operator; then `text` says with which hand it is done.
     """
@@ -90,6 +93,7 @@ class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=Tr
     text: str = ""
     steps: tuple[str, ...] = ()
     asks: str = ""
+    evidence: tuple[Evidence, ...] = ()
 
 
 Task = PourInto | Take | Bring | SwapHands | PutDown | ClearTable | LookAround

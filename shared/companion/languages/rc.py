@@ -11,6 +11,7 @@ from typing import Annotated
 
 import msgspec
 
+from companion.languages.evidence import ABOUT_THINGS, Check, Claim, Evidence, Otherwise, Sense
 from companion.languages.rs import Seen
 from companion.languages.values import BodyPosture, Name, Pose, Side, Vector, Within
 
@@ -157,6 +158,7 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     where a hand let go of them, not seen since. `arrived`: whether what left the source of a pour is in the
     destination, by a look into it; None: not looked into. `missing`: things that were looked for and are not where they
     should be, though nothing hides the place. `ill`: wrists whose sensors read what cannot be, and what they read.
+    `evidence`: for each row of CHECKS, which senses told that it is true.
     """
 
     key: str
@@ -169,6 +171,7 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     arrived: bool | None = None
     missing: tuple[str, ...] = ()
     ill: dict[Side, str] = {}
+    evidence: tuple[Evidence, ...] = ()
 
 
 class NotDoneKind(StrEnum):
@@ -216,4 +219,28 @@ class Accepted(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True
 
 
 Act = MoveJoint | MoveCartesian | Grasp | Release | Look | Pour | OpenDoor | Home
+
+_THERE = Check(Claim.THERE, "", (Sense.JOINTS,), Otherwise.FAILED)
+_HELD = (Sense.WRIST, Sense.FINGERS, Sense.EYES)
+CHECKS: dict[type[Command], tuple[Check, ...]] = {
+    MoveJoint: (_THERE, Check(Claim.HELD, "", _HELD, Otherwise.SAID)),
+    MoveCartesian: (_THERE, Check(Claim.HELD, "", _HELD, Otherwise.SAID)),
+    Grasp: (_THERE, Check(Claim.HELD, "object", _HELD, Otherwise.FAILED)),
+    Release: (_THERE, Check(Claim.STANDS, "object", (Sense.EYES,), Otherwise.LOOK)),
+    Look: (_THERE, Check(Claim.LOOKED, "", (Sense.EYES,), Otherwise.SAID)),
+    Pour: (
+        _THERE,
+        Check(Claim.HELD, "source", _HELD, Otherwise.SAID),
+        Check(Claim.LEFT, "source", (Sense.WRIST, Sense.EYES), Otherwise.SAID),
+        Check(Claim.ARRIVED, "destination", (Sense.EYES,), Otherwise.FAILED),
+    ),
+    OpenDoor: (_THERE, Check(Claim.OPEN, "door", (Sense.EYES,), Otherwise.FAILED)),
+    Home: (_THERE,),
+}
+"""What must be true after each act that is done, and which senses can tell."""
 Content = Act | Accepted | Done | NotDone
+
+
+def needed(act: type[Command]) -> frozenset[Claim]:
+    """Return the claims about things without which an act fails: a sense must have told of each."""
+    return frozenset(one.claim for one in CHECKS[act] if one.otherwise is Otherwise.FAILED) & ABOUT_THINGS

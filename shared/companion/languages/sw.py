@@ -7,6 +7,8 @@ from enum import StrEnum
 
 import msgspec
 
+from companion.languages.evidence import Evidence
+
 
 class WorkerState(StrEnum):
     """The states ta reports; the last four end the plan. Waiting, for an operator, is ours."""
@@ -27,12 +29,13 @@ FINAL = frozenset({WorkerState.SUCCEEDED, WorkerState.FAILED, WorkerState.PREEMP
 
 class Report(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
     """ta's state; `at`: the path of the plan's current state, while Waiting of the next one; `reason` in words, or with
-    which hand the next one is done.
+    which hand the next one is done. `evidence`: at the end of a plan, what its acts made true, and which senses told.
     """
 
     state: WorkerState
     at: str = ""
     reason: str = ""
+    evidence: tuple[Evidence, ...] = ()
 
 
 Content = Report

@@ -8,6 +8,7 @@ import pytest
 from robot import Acting
 
 from companion.languages import rc
+from companion.languages.evidence import Claim, Sense
 from companion.languages.values import Pose, Side
 from services.executor.local import ByRays, Felt, Setup
 from services.executor.receptor import Receptor
@@ -57,6 +58,7 @@ def test_what_is_put_down_unseen_is_where_the_hand_left_it(jar_out: Acting, sees
     assert np.linalg.norm(np.array(placed.pose.xyz) - jar_out.truth.at[JAR]) < NEAR_M
     assert placed.at < jar_out.here.time
     assert placed.uncertainty is None
+    assert stands(done) == ((), 0.0)
     kept: Remembered = remembered(jar_out.here, "")
     assert kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "").placed == done.placed, "also if its end is not told"
 
@@ -130,8 +132,10 @@ def put(
 
 
 def test_what_is_put_down_and_seen_there_is_told_as_seen(jar_out: Acting) -> None:
-    """With the time of the last sight."""
-    jar_out.done(jar_out.put_down(JAR, LEFT))
+    """With the time of the last sight, and how surely it is known."""
+    by, within = stands(jar_out.done(jar_out.put_down(JAR, LEFT)))
+    assert by == (Sense.EYES,)
+    assert 0.0 < within < NEAR_M
     look = jar_out.done(rc.Look("look", (tuple(jar_out.here.seen[JAR].translation),)))
     assert look.placed == ()
     (jar,) = [one for one in look.seen if one.object == JAR]
@@ -160,3 +164,9 @@ def test_another_skill_process_compares_what_was_put_down_too(jar_out: Acting, t
 
 def _unchanged(eyes: ByRays) -> None:
     raise AssertionError(eyes.reason)
+
+
+def stands(done: rc.Done) -> tuple[tuple[Sense, ...], float]:
+    """Return by which senses it is told that the jar stands, and the standard deviation of its place [m]."""
+    (one,) = [one for one in done.evidence if one.claim is Claim.STANDS]
+    return one.by, one.within

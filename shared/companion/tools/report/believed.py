@@ -8,13 +8,14 @@ import math
 import msgspec
 import numpy as np
 
-from companion.languages import rc
+from companion.languages import cmd, rc
+from companion.languages.evidence import Claim, Evidence, Sense
 from companion.languages.values import BodyPosture, Vector
 from companion.telemetry import TrueState
 from companion.tools.beliefs import Belief, Beliefs
 from companion.tools.pictures import robot
 from companion.tools.report import plans, verdict
-from companion.wording import spaced
+from companion.wording import evidence, plain, spaced
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from velma.names import BODY, GRIP_BODY
@@ -48,6 +49,46 @@ class Share(msgspec.Struct, frozen=True):
     content_kg: float | None
     true: float | None
     seen_kg: float | None = None
+
+
+class Claimed(msgspec.Struct, frozen=True):
+    """A claim about a thing at the end of a task: `by` which senses, none: not checked; `at` [s, simulated], `within`
+    [m] as the robot said; `true`: by the simulation, null where that does not tell. `words`: all of it but the truth.
+    """
+
+    claim: Claim
+    of: str
+    by: tuple[Sense, ...]
+    at: float
+    within: float
+    true: bool | None
+    words: str
+
+
+def claims(history: History, command: Spoken) -> tuple[Claimed, ...]:
+    """Return what the robot said to be true at the end of a task, beside the truth."""
+    end, truth = plans.task_end(history, command), verdict.truth_at_end(history, command)
+    said = end.content.evidence if end is not None and isinstance(end.content, cmd.TaskReport) else ()
+    return tuple(
+        Claimed(one.claim, one.of, one.by, one.at, one.within, _true(one, truth), plain(evidence(one))) for one in said
+    )
+
+
+def _true(one: Evidence, truth: TrueState | None) -> bool | None:
+    """Whether a claim is true; None where the simulation does not tell."""
+    if truth is None:
+        return None
+    held = max(truth.fingers_on.get(one.of, {}).values(), default=0) >= verdict.LEAST_LINKS
+    match one.claim:
+        case Claim.HELD if one.of in truth.fingers_on:
+            return held
+        case Claim.STANDS if one.of in truth.tilt_deg:
+            return not held and truth.tilt_deg[one.of] < verdict.MOST_TILT_DEG
+        case Claim.ARRIVED if truth.grains:
+            return truth.grains_in.get(one.of, 0) > 0
+        case Claim.LEFT if truth.grains:
+            return truth.grains_in.get(one.of, 0) < truth.grains
+    return None
 
 
 def things(history: History) -> tuple[Believed, ...]:

@@ -34,6 +34,7 @@ class Task(msgspec.Struct, frozen=True):
     """A command of a person, from `t` to `end` [s]; null: it did not end. `asked`: what for; `outcome`: co's last word.
 
     `success`: a pour by what was true at its end, another task by co's word; `failure`: why not, else null.
+    `claims`: what the robot said that is true at the end.
     """
 
     t: float
@@ -42,6 +43,7 @@ class Task(msgspec.Struct, frozen=True):
     outcome: str
     success: bool
     failure: str | None
+    claims: tuple[believed.Claimed, ...] = ()
 
 
 class Plan(msgspec.Struct, frozen=True):
@@ -165,6 +167,7 @@ def _task(history: History, command: Spoken) -> Task:
         outcome=plans.outcome(end),
         success=failure is None,
         failure=failure,
+        claims=believed.claims(history, command),
     )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from companion.languages import cmd, hfsm, rc, sw
 from companion.tools.report.plans import Act, Made, Ran, acts, made, ran
-from companion.wording import plain, spaced
+from companion.wording import evidence, plain, spaced
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
 from operate.recording.records import Spoken
@@ -114,6 +114,7 @@ def _went(history: History, plan: Ran) -> Iterator[Fact]:
     after = f" after {done} act{'s' * (done != 1)}" if mine else ""
     words = f"ta ended {name} with {last.content.state}{after}" + (f": {plain(reason)}" if reason else "")
     yield Fact(last.sent, words, _record(last))
+    yield from (Fact(last.sent, plain(evidence(one)), _record(last)) for one in last.content.evidence)
 
 
 def _final(one: Spoken) -> bool:

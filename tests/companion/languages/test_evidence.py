@@ -1,0 +1,58 @@
+"""What must be true after each act: the table is complete, and what is known after acts follows from what they told."""
+
+from typing import get_args
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.languages import rc
+from companion.languages.evidence import ABOUT_THINGS, Claim, Evidence, Sense, fitting, newest, unchecked
+from companion.wording import CLAIMS
+
+pytestmark = pytest.mark.timeout(60)
+THINGS = st.sampled_from(["jar_1", "bowl_1", ""])
+TOLD = st.lists(
+    st.builds(
+        Evidence,
+        st.sampled_from(Claim),
+        THINGS,
+        st.lists(st.sampled_from(Sense), unique=True, max_size=3).map(tuple),
+        st.floats(0.0, 1e6),
+    ),
+    max_size=8,
+)
+
+
+def test_each_act_says_what_must_be_true_after_it() -> None:
+    """No act without a row, no claim without words, no check of a thing that the command does not name."""
+    assert set(rc.CHECKS) == set(get_args(rc.Act))
+    assert set(CLAIMS) == set(Claim)
+    for act, checks in rc.CHECKS.items():
+        assert checks, act
+        assert all(check.by for check in checks)
+        assert {check.of for check in checks if check.of} <= set(act.__struct_fields__)
+
+
+@given(TOLD, TOLD, st.sets(THINGS))
+def test_the_last_word_counts(known: list[Evidence], told: list[Evidence], held: set[str]) -> None:
+    """Of each claim about a thing one word is kept, the newest; what a hand holds stands nowhere, and the reverse."""
+    found = newest(known, told, held)
+    assert len({(one.claim, one.of) for one in found}) == len(found)
+    for one in found:
+        assert one.claim in ABOUT_THINGS
+        assert one == next(word for word in reversed([*known, *told]) if (word.claim, word.of) == (one.claim, one.of))
+        assert one.claim is not Claim.STANDS or one.of not in held
+        assert one.claim is not Claim.HELD or one.of in held
+    assert newest(found, (), held) == found
+
+
+@given(TOLD, st.integers(0, 400))
+def test_what_fits_begins_with_what_was_not_checked(known: list[Evidence], room: int) -> None:
+    """No more bytes than there is room for, and nothing that was checked before all is told that was not."""
+    told = fitting(known, room)
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(told), type=tuple[Evidence, ...]) == told
+    assert sum(len(msgspec.msgpack.encode(one)) for one in told) <= room
+    if any(one.by for one in told):
+        assert {one for one in told if not one.by} == {*unchecked(known)}
