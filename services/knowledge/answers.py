@@ -210,7 +210,8 @@ def _thing(scene: Scene, name: str) -> Thing:
     for thing, lost in scene.lost.items():
         if name in (thing, lost.kind.lower()):
             how = f"{thing} is not where it was" if lost.side is None else f"{thing} was lost by the {lost.side} hand"
-            raise _NotKnown(f"{how}, and has not been seen since: a person is needed")
+            why = "" if lost.side is not None else ": it was taken away, covered or turned over"
+            raise _NotKnown(f"{how}, and has not been seen since{why}; a person is needed")
     raise _NotKnown(f"no {name} has been seen (seen so far: {', '.join(sorted(scene.things)) or 'nothing'})")
 
 

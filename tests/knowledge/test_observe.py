@@ -87,7 +87,8 @@ def test_a_missing_thing_is_nowhere_until_it_is_seen_again() -> None:
     scene = scene_of(bowl, wm.MissingObject("bowl_1"), wm.MissingObject("bowl_1"))
     assert "bowl_1" not in scene.things
     _, told = ask(scene, Overlays(), wm.ObjectPose(object="bowl"))
-    assert told == wm.Unknown("bowl_1 is not where it was, and has not been seen since: a person is needed")
+    why = "it was taken away, covered or turned over; a person is needed"
+    assert told == wm.Unknown(f"bowl_1 is not where it was, and has not been seen since: {why}")
     assert "bowl_1" in observed(scene, bowl, (1, 9)).things
 
 

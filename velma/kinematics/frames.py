@@ -71,6 +71,13 @@ def lies(pose: pin.SE3) -> bool:
     return bool(pose.rotation[2, 2] < _STANDS)
 
 
+def fallen(pose: pin.SE3) -> str:
+    """Return in words how a thing lies that does not stand; "" for one that stands."""
+    if not lies(pose):
+        return ""
+    return "is upside down" if pose.rotation[2, 2] < -_STANDS else "lies on its side"
+
+
 def level(pose: pin.SE3) -> pin.SE3:
     """Return the upright frame at the same place with the nearest heading."""
     return standing(pose.translation, heading(pose.rotation[:, 0]))

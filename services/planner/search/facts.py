@@ -10,7 +10,7 @@ from companion.languages.values import Side
 from services.planner.search import leaves
 from services.planner.search.asking import Asking
 from velma import names
-from velma.kinematics.frames import lies, transform
+from velma.kinematics.frames import fallen, transform
 
 SAME_PLACE_M = 0.05  # nearer to where it stood before, a thing is there again (estimate)
 BESIDE_M, LEVEL_M = 0.4, 0.3  # nearer than this a thing may be in a hand's way to another one; in height (estimates)
@@ -88,9 +88,9 @@ class Facts:
             return here.held_by is None and math.dist(here.pose.xyz, self.origin(state, name).pose.xyz) < SAME_PLACE_M
         return here.on in self.places(state, where) and self.container(state, here.on) == self.inside(state, name)
 
-    def lies(self, state: str, name: str) -> bool:
-        """Whether the thing lies on its side."""
-        return lies(transform(self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose))
+    def fallen(self, state: str, name: str) -> str:
+        """Return in words how the thing lies that does not stand; "" for one that stands."""
+        return fallen(transform(self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose))
 
     def inside(self, state: str, name: str) -> bool:
         """Whether the thing stands inside another one, so that it must come out before anything is poured into it."""

@@ -160,14 +160,14 @@ class Methods:
         if self.facts.holder(km, name):
             return [("set_down", name), ("a_look", name)]
         away = self._away(km) if self.facts.support(km, name) else []
-        if away and not self.facts.lies(km, name):
+        if away and not self.facts.fallen(km, name):
             return [*(("a_home", side) for side in away), ("a_look", name)]
         self.failed(f"no hand holds {name}")
         return None
 
     def put_down_lying_with(self, km: str, hand: Side, name: str) -> Subtasks | None:
         """Take a thing with this hand that fell over, and put it down upright."""
-        if self.facts.holder(km, name) or not self.facts.lies(km, name):
+        if self.facts.holder(km, name) or not self.facts.fallen(km, name):
             return self._not(f"{name} did not fall over")
         if held := self.facts.in_hand(km, hand):
             return self._not(f"the {hand} hand holds {held}")
@@ -187,7 +187,8 @@ class Methods:
         if holder := self.facts.holder(km, name):
             return self._not(f"the {holder} hand holds {name}")
         if self.facts.at(km, name, where):
-            return self._not(f"{name} lies on its side") if self.facts.lies(km, name) else []
+            how = self.facts.fallen(km, name)
+            return self._not(f"{name} {how}") if how else []
         return self._not(f"{name} stands elsewhere")
 
     def put_at_held(self, km: str, name: str, where: str) -> Subtasks | None:

@@ -12,7 +12,7 @@ from companion.models import LYING
 from services.planner.search.facts import Facts
 from services.planner.search.situation import Situation, configured, on_wire
 from services.planner.search.steps import CLOSE_S, Geometry, Step, approach_points, free_speed, move
-from velma.kinematics.frames import lies, transform
+from velma.kinematics.frames import fallen, transform
 from velma.kinematics.motion import Motion
 from velma.kinematics.tasks.carrying import CARRY_TILT, carries
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
@@ -86,7 +86,9 @@ def _approaches(
         geometry.rng("take", target.name, side, *number), torso=TORSO.get(known[0].kind, ANY_TORSO), wanted=wanted,
     )  # fmt: skip
     if not found:
-        geometry.failed(f"no grasp of {target.name} with the {side} hand can be reached and pulled out")
+        how = fallen(geometry.pose(here.state, target.name))
+        what = f"{target.name} {how}, and no grasp of it" if how else f"no grasp of {target.name}"
+        geometry.failed(f"{what} with the {side} hand can be reached and pulled out")
     return found
 
 
@@ -96,7 +98,7 @@ def out_of_reach(pose: pin.SE3, kind: str) -> str:
         return "hangs on a hinge, and is only opened"
     if pose.translation[2] < FLOOR_M:
         return "fell on the floor"
-    return "lies on its side" if lies(pose) and kind != LYING else ""
+    return fallen(pose) if kind != LYING else ""
 
 
 def preferred(geometry: Geometry, state: str, name: str) -> list[wm.GraspDef]:

@@ -15,6 +15,7 @@ from velma.kinematics.frames import tilt, transform
 from velma.kinematics.robot import Robot
 
 LIES = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
+TURNED = (0.0, 1.0, 0.0, 0.0)  # upside down
 
 
 def told(scene: Scene, *observations: wm.AnyObservation) -> Scene:
@@ -68,10 +69,11 @@ def test_a_destination_not_seen_since_is_looked_at(km, named, bowl_placed: Scene
     [
         ("jar_1", Pose((0.7, 0.3, 0.1)), "fell on the floor: a person is needed"),
         ("bowl_1", Pose((0.58, -0.52, 0.875), LIES), "lies on its side: a person is needed"),
+        ("bowl_1", Pose((0.58, -0.52, 0.875), TURNED), "is upside down: a person is needed"),
     ],
 )
 def test_what_no_grasp_fits_needs_a_person(km, beginning: Scene, name: str, pose: Pose, words: str) -> None:
-    """On the floor, or a bowl that lies on a table where a standing one would be in reach."""
+    """On the floor, or a bowl on a table where a standing one would be in reach."""
     model = beginning.things[name].model
     plan = km(told(beginning, wm.SeenObject(name, model, pose, 3.0))).plan("take", name, "")
     assert isinstance(plan, hfsm.NoPlan)
@@ -102,7 +104,7 @@ def test_what_a_hand_lost_is_looked_for_until_it_is_seen(km, beginning: Scene) -
     assert isinstance(plan, hfsm.HierarchicalPlan)
     asked = plan.root.states[1]
     assert isinstance(asked, hfsm.AskState)
-    reason = "jar_1 was lost by the left hand, and has not been seen since: a person is needed"
+    reason = "jar_1 was lost by the left hand, and has not been seen since; a person is needed"
     assert known.ask(asked.query) == wm.Unknown(reason)
     scene = observed(scene, wm.SeenObject("jar_1", jar.model, jar.pose, 4.0), (9, 10), 4.0)
     assert isinstance(km(scene).plan("take", "jar", ""), hfsm.HierarchicalPlan)
