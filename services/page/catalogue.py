@@ -5,6 +5,7 @@ from importlib import resources
 
 import msgspec
 
+from companion.languages.evidence import Evidence
 from companion.run_files import InWords
 from companion.wording import plain
 
@@ -48,6 +49,12 @@ def step(language: str, name: str) -> str:
         if found := re.fullmatch(row.of, name):
             return str(getattr(row, language)).format(*(_thing(language, one) for one in found.groups()))
     return plain(name)
+
+
+def not_checked(language: str, one: Evidence) -> str:
+    """Return a sentence about a claim that no sense has told; "" for one that a person need not know."""
+    row = f"unchecked_{one.claim}"
+    return say(language, row, _thing(language, one.of)) if row in CATALOGUE.say[language] else ""
 
 
 def leaf(language: str, path: str) -> str:

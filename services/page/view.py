@@ -5,9 +5,10 @@ import math
 import msgspec
 
 from companion.languages.cmd import TaskState
+from companion.languages.evidence import unchecked
 from companion.run_files import HiEvent, InWords, TaskLine, Wish
 from companion.wording import plain
-from services.page.catalogue import CATALOGUE, leaf, say, state, step
+from services.page.catalogue import CATALOGUE, leaf, not_checked, say, state, step
 
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
 ACTIVE = (TaskState.RUNNING, TaskState.PLANNING)
@@ -29,7 +30,8 @@ class Heard(msgspec.Struct, frozen=True):
 
 class TaskView(msgspec.Struct, frozen=True):
     """A task. `why`: the reason in the words of the one who gave it, which are English. `asks`: the state of its plan
-    that waits for a person, `asks_says` in words. `deadline` [unix s]: a browser shows it by its own clock.
+    that waits for a person, `asks_says` in words. `deadline` [unix s]: shown by a browser by its own clock.
+    `unchecked`: what nobody has checked of a task that was done.
     """
 
     task: str
@@ -41,6 +43,7 @@ class TaskView(msgspec.Struct, frozen=True):
     asks: str = ""
     asks_says: str = ""
     deadline: float = 0.0
+    unchecked: str = ""
 
 
 class ThingView(msgspec.Struct, frozen=True):
@@ -138,7 +141,13 @@ def _task(line: TaskLine, language: str) -> TaskView:
         line.asks,
         asks_says,
         line.deadline,
+        _unchecked(line, language),
     )
+
+
+def _unchecked(line: TaskLine, language: str) -> str:
+    claims = unchecked(line.evidence) if line.state == TaskState.DONE else ()
+    return " ".join(filter(None, (not_checked(language, one) for one in claims)))
 
 
 def _why(line: TaskLine) -> str:

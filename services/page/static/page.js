@@ -129,6 +129,7 @@ function ended(task) {
   const item = element("li", "", { className: task.state });
   item.append(element("span", upper(task.says), { className: "says" }), element("span", task.word, { className: "word" }));
   if (task.why) item.append(element("span", task.why, { className: "why", lang: "en" }));
+  if (task.unchecked) item.append(element("span", task.unchecked, { className: "why" }));
   return item;
 }
 
