@@ -32,10 +32,15 @@ class Thing(msgspec.Struct, frozen=True):
 
 
 class Saw(msgspec.Struct, frozen=True, tag=True):
-    """From the child: what look `number` showed."""
+    """From the child: what look `number` showed; nothing where a sense is not well.
+
+    `wrong`: with the picture (velma.eyes.health.Wrong), "" for nothing. `off`: of torso and head [rad], 0 for nothing.
+    """
 
     number: int
     things: tuple[Thing, ...]
+    wrong: str = ""
+    off: float = 0.0
 
 
 def uncertainty(covariance: NDArray[np.float64]) -> Uncertainty:

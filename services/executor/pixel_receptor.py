@@ -21,9 +21,13 @@ WITHIN_S, TRIES = 60.0, 2
 
 
 class PixelReceptor:
-    """Sees the things of a scene by their markers. Calls come from one thread."""
+    """Sees the things of a scene by their markers. Calls come from one thread.
+
+    `wrong`, `off`: as of Saw, of the last look. A new child has no look to compare its first one with.
+    """
 
     def __init__(self, scene: Scene, robot: Robot | None = None) -> None:
+        self.wrong, self.off = "", 0.0
         self._scene, self._robot, self._looks = scene, robot or Robot(), 0
         self._answers = OneReaderQueue[Saw | str]()
         self._child = self._new()
@@ -38,6 +42,7 @@ class PixelReceptor:
             self._child.tell(See(self._looks, world.tobytes(), *place))
             saw = self._answer()
             if isinstance(saw, Saw):
+                self.wrong, self.off = saw.wrong, saw.off
                 return [_sight(one) for one in saw.things]
             reason = saw
             self._child.kill()

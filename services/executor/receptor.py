@@ -39,8 +39,11 @@ GRID_M = 0.15  # between points on a box's face, at least two in each direction
 class Receptor:
     """Detects the things (bodies by name, with their models) of a world model with the head camera.
 
-    The same looks in the same order give the same sights.
+    The same looks in the same order give the same sights. There is no picture that could be wrong, and the measured
+    joints are not used: such eyes are always well.
     """
+
+    wrong, off = "", 0.0
 
     def __init__(self, model: mujoco.MjModel, things: Mapping[str, Model], noise: Noise) -> None:
         self._model, self._data = model, mujoco.MjData(model)

@@ -12,12 +12,18 @@ from companion.languages.values import BodyPosture, Pose, Side
 
 
 class Holding(msgspec.Struct, frozen=True):
-    """The object in a hand: by which grasp, its pose in the hand (T_grip_object), the mass that is fed forward [kg]."""
+    """The object in a hand: by which grasp, its pose in the hand (T_grip_object), the mass that is fed forward [kg].
+
+    `steady`, `apart`, `slipped`: as of services.executor.skills.situation.Held.
+    """
 
     object: str
     grasp: str
     pose: Pose
     mass: float
+    steady: Pose | None = None
+    apart: int = 0
+    slipped: bool = False
 
 
 class Unfinished(msgspec.Struct, frozen=True):
@@ -39,7 +45,8 @@ class Remembered(msgspec.Struct, frozen=True):
     `fingers`: angle per side [rad]. `seen`: last pose of each thing in the world (of a held one: before it was taken).
     `placed`: things that a hand let go of and that were not seen since, by id the time [s]; `seen` has where.
     `unfinished`: pours that were begun and not ended, by source. `time`: simulated [s].
-    `epoch`: name of the simulated world in which all that is so, "" of a real one.
+    `ill`: senses that told
+    what cannot be at the last look. `epoch`: name of the simulated world in which all that is so, "" of a real one.
     """
 
     q: tuple[float, ...] = ()
@@ -51,6 +58,7 @@ class Remembered(msgspec.Struct, frozen=True):
     unfinished: dict[str, Unfinished] = {}
     time: float = 0.0
     epoch: str = ""
+    ill: tuple[rc.Ill, ...] = ()
 
     def posture(self) -> BodyPosture | None:
         """Return the posture for a communicate; None before it is known."""

@@ -29,7 +29,14 @@ class Sight:
 
 
 class Eye(Protocol):
-    """Eyes in the robot's head. The simulator gives them its state in place of light."""
+    """Eyes in the robot's head. The simulator gives them its state in place of light.
+
+    `wrong`: with the camera at the last look (velma.eyes.health.Wrong), "" for nothing; `off`: by how much the measured
+    torso or head is off by that look [rad], 0 for nothing. Where either hinders, nothing is seen.
+    """
+
+    wrong: str
+    off: float
 
     def look(self, world: Array, neck: Neck, /) -> list[Sight]:
         """Return what is seen in the state `world` (nq,). The robot is at rest."""

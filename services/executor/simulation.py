@@ -63,4 +63,6 @@ class InProcess:
             head=(float(state.head[0]), float(state.head[1])),
             sights=self.eye.look(self.core.backend.configuration(), (state.q[TORSO], state.head[0], state.head[1])),
             time=float(state.time),
+            wrong=self.eye.wrong,
+            off=self.eye.off,
         )

@@ -53,8 +53,11 @@ class Stage:
         for side, angle in kept.fingers.items():
             here.set_fingers(str(side), angle)
         for side, one in kept.held.items():
-            here.take(str(side), Held(one.object, one.grasp, transform(one.pose), one.mass))
-        here.unfinished, here.placed = dict(kept.unfinished), dict(kept.placed)
+            steady = None if one.steady is None else transform(one.steady)
+            inside = transform(one.pose)
+            here.take(str(side), Held(one.object, one.grasp, inside, one.mass, steady, one.apart, one.slipped))
+        here.unfinished, here.ill = dict(kept.unfinished), kept.ill
+        here.placed = dict(kept.placed)
         here.put = {name: here.seen[name] for name in kept.placed}
         return here
 
@@ -73,6 +76,8 @@ class Stage:
             head=felt.head,
             sights=self._seen(np.frombuffer(felt.world), neck) if felt.world else [],
             time=felt.time,
+            wrong=self.eye.wrong,
+            off=self.eye.off,
         )
 
     def _seen(self, world: Array, neck: Neck) -> list[Sight]:
@@ -100,13 +105,21 @@ def remembered(here: Situation, epoch: str) -> Remembered:
         for name, pose in here.seen.items()
     }
     held = {
-        Side(side): Holding(one.object, one.grasp, Pose(*xyz_quat(one.T_grip_object)), one.mass)
+        Side(side): Holding(
+            one.object,
+            one.grasp,
+            Pose(*xyz_quat(one.T_grip_object)),
+            one.mass,
+            None if one.steady is None else Pose(*xyz_quat(one.steady)),
+            one.apart,
+            one.slipped,
+        )
         for side, one in here.held.items()
     }
     fingers = {Side(side): float(angle) for side, angle in here.fingers.items()}
     head = (float(here.head[0]), float(here.head[1]))
     q, time = tuple(float(x) for x in here.q), float(here.time)
-    return Remembered(q, head, fingers, seen, held, dict(here.placed), dict(here.unfinished), time, epoch)
+    return Remembered(q, head, fingers, seen, held, dict(here.placed), dict(here.unfinished), time, epoch, here.ill)
 
 
 def serve(link: Link) -> None:

@@ -13,7 +13,7 @@ from agent_runtime.core.events import Broken, Late, Ordered, Received, Started
 from agent_runtime.core.turn import Turn
 from companion.languages import hfsm, rc, sw, wm
 from fipa_codec.performatives import Performative
-from services.task import acts, orders
+from services.task import acts, orders, senses
 from services.task import plan as plans
 from services.task.memory import Memory, Pending, Soft, way_to_safety
 from services.task.words import SURVEY, known_after, not_checked
@@ -180,25 +180,21 @@ def _go_on(memory: Memory, turn: Turn, finish: Finish) -> Memory:
 
 def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) -> Memory:
     if memory.looking:
-        return finish(replace(memory, looking=False), Outcome.REPLAN, memory.reason)
+        why = _joined(memory.reason, senses.told(outcome))
+        return finish(replace(memory, looking=False), Outcome.REPLAN, why)
     if isinstance(outcome, rc.Done):
         memory = replace(memory, evidence=known_after(memory.evidence, outcome))
         if outcome.missing and outcome.arrived is None and memory.safe is None:
             return _look(memory, turn, outcome.key, f"{' and '.join(outcome.missing)}: not where it was")
         end = Outcome.SUCCEEDED if _confirmed(memory, outcome) else Outcome.FAILED
-        return leave(memory, turn, end, _joined(_seen(memory, outcome), _ill(outcome)), finish)
+        return leave(memory, turn, end, _joined(_seen(memory, outcome), senses.told(outcome)), finish)
     turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
     if memory.safe is not None:
         memory = replace(memory, reason=memory.reason or outcome.reason)
     if outcome.kind in LOOK_FIRST and memory.safe is None:
         return _look(memory, turn, outcome.key, outcome.reason)
-    why = _joined(outcome.reason, _ill(outcome))
+    why = _joined(outcome.reason, senses.told(outcome))
     return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), why, finish)
-
-
-def _ill(outcome: acts.Outcome) -> str:
-    """Return which wrist does not feel, and why."""
-    return "; ".join(f"the {side} wrist does not feel: its sensor {wrong}" for side, wrong in outcome.ill.items())
 
 
 def _joined(*words: str) -> str:

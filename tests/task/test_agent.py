@@ -15,7 +15,7 @@ from companion.languages.evidence import Claim, Evidence, Sense
 from companion.languages.values import Pose, Side
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from services.task import acts, behaviours
+from services.task import acts, behaviours, senses
 from services.task.memory import Act, Memory
 
 ARRIVED = (Evidence(Claim.ARRIVED, "bowl_1", (Sense.EYES,), 3.0),)
@@ -201,9 +201,22 @@ def test_what_nobody_saw_standing_is_told_so_until_it_is_seen(looked: bool) -> N
     assert scene.hears("co", 4).evidence == ((by,) if looked else (PUT,))
 
 
+ILL = (rc.Ill(rc.Sensor.LEFT_WRIST, rc.Fault.ZERO),)
+
+
+@pytest.mark.parametrize("sense", rc.Sensor)
+@pytest.mark.parametrize("fault", rc.Fault)
+def test_each_fault_of_each_sense_has_its_own_words(sense: rc.Sensor, fault: rc.Fault) -> None:
+    """Of which some never come together; the number is in those of an offset."""
+    words = {senses.told(rc.Done("act", BODY, ill=(rc.Ill(sense, other, 0.05),))) for other in rc.Fault}  # type: ignore[arg-type]
+    told = senses.told(rc.Done("act", BODY, ill=(rc.Ill(sense, fault, 0.05),)))  # type: ignore[arg-type]
+    assert len(words) == len(rc.Fault)
+    assert ("0.050 rad" in told) is (fault == rc.Fault.OFF)
+
+
 def test_a_wrist_that_does_not_feel_is_told() -> None:
     """With what the task came to, well or not."""
-    for outcome in (rc.Done("plan/1", BODY, ill={Side.LEFT: "reads zero"}), lost()):
+    for outcome in (rc.Done("plan/1", BODY, ill=ILL), lost()):
         scene = Scene()
         scene.start(plan(hfsm.ActState("home", replace(HOME, key="plan/1"))))
         scene.hears("ex", 1)
@@ -214,7 +227,7 @@ def test_a_wrist_that_does_not_feel_is_told() -> None:
 
 def lost() -> rc.NotDone:
     """A failure with a wrist that does not feel."""
-    return rc.NotDone("plan/1", rc.NotDoneKind.FAILED, "no way", ill={Side.LEFT: "reads zero"})
+    return rc.NotDone("plan/1", rc.NotDoneKind.FAILED, "no way", ill=ILL)
 
 
 def test_what_stays_in_the_jar_is_told() -> None:

@@ -13,7 +13,7 @@ filters, or their lags would differ. Sides are rows: 0 right, 1 left. The number
 import math
 from collections.abc import Callable, Sequence
 from enum import StrEnum
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -117,6 +117,14 @@ class Wrists:
         part["cycle"] += 1.0
 
 
+class Wrong(StrEnum):
+    """Reason why a wrist's readings cannot be true."""
+
+    NO_NUMBER = "no-number"
+    ZERO = "zero"
+    STUCK = "stuck"  # the same while the hand turns
+
+
 class Health:
     """Whether a wrist's readings may be true: numbers, with the weight of the hand, that change as the hand turns.
 
@@ -124,7 +132,7 @@ class Health:
     """
 
     def __init__(self) -> None:
-        self.wrong = ""
+        self.wrong: Wrong | Literal[""] = ""
         self._reading, self._rotation, self._stuck, self._well = [math.nan], [math.nan], 0, 0
 
     def judge(self, reading: list[float], rotation: list[float]) -> bool:
@@ -135,13 +143,13 @@ class Health:
         changed, turned = reading != self._reading, rotation != self._rotation
         self._reading, self._rotation = reading, rotation
         self._stuck = 0 if changed else self._stuck + turned
-        wrong = ""
+        wrong: Wrong | Literal[""] = ""
         if not all(map(math.isfinite, reading)):
-            wrong = "reads what is no number"
+            wrong = Wrong.NO_NUMBER
         elif not any(reading):
-            wrong = "reads zero"
+            wrong = Wrong.ZERO
         elif self._stuck >= STUCK_CYCLES:
-            wrong = "reads the same while the hand turns"
+            wrong = Wrong.STUCK
         self._well = 0 if wrong else self._well + 1
         if wrong or self._well >= WELL_CYCLES:
             self.wrong = wrong

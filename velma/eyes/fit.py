@@ -55,8 +55,22 @@ def fit(view: View, corners: Array, pixels: Array, start: tuple[Array, Array], u
 
     `start`: rotation and position to begin with; it is stood upright for the 4 unknowns.
     """
-    rotation, position = (_stood(start[0]), start[1]) if upright else start
-    columns = [0, 1, 2, 5] if upright else [0, 1, 2, 3, 4, 5]
+    if upright:
+        return _fitted(view, corners, pixels, (_stood(start[0]), start[1]), [0, 1, 2, 5])
+    return _fitted(view, corners, pixels, start, [0, 1, 2, 3, 4, 5])
+
+
+def turn(view: View, points: Array, pixels: Array, pivot: Array) -> Fit | None:
+    """Return the rotation about `pivot` (3,) that brings points (n, 3) of the world to pixels (n, 2); None as of `fit`.
+
+    `spread`: of the rotation about x, y, z.
+    """
+    return _fitted(view, points - pivot, pixels, (np.eye(3), pivot), [3, 4, 5])
+
+
+def _fitted(view: View, corners: Array, pixels: Array, start: tuple[Array, Array], columns: list[int]) -> Fit | None:
+    """Return the pose by the unknowns in these columns of (x, y, z, rotation about x, y, z)."""
+    rotation, position = start
     for _ in range(STEPS):
         off, slopes = _linear(view, corners @ rotation.T, position, pixels)
         slopes = slopes[:, columns]

@@ -158,8 +158,8 @@ class Phase(StrEnum):
 class GripReport(msgspec.Struct, frozen=True):
     """Feeling of a hand's wrist: a velma.control.grip.Grip ("": empty hand or no sensor), the mass in the hand [kg].
 
-    The mass is that of the last 0.5 s: at rest for a second, it is a weight. `wrong`: what is wrong with the sensor, ""
-    for nothing; such a one feels nothing.
+    The mass is that of the last 0.5 s: at rest for a second, it is a weight. `wrong`: a velma.control.grip.Wrong of the
+    sensor, "" for nothing; such a one feels nothing.
     """
 
     felt: str = ""

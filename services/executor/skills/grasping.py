@@ -8,6 +8,7 @@ from services.executor.loop.program import Close, Open, Until
 from services.executor.skills import motions
 from services.executor.skills.looking import missed
 from services.executor.skills.moving import joining, legs
+from services.executor.skills.senses import require
 from services.executor.skills.situation import Held, Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Skill, empty, missing, replan
 from velma import names
@@ -25,7 +26,7 @@ FINGERS_NEEDED = 3
 def grasp(here: Situation, command: rc.Grasp) -> Skill:
     """Grasp. Raises replan if the object is unknown or the path not free, missing if it is not where it was.
 
-    Raises empty if the hand closes on nothing.
+    Raises empty if the hand closes on nothing, failed if no sense can check it.
     """
     if command.object not in here.seen:
         raise replan(f"{command.object} has not been seen")
@@ -39,6 +40,7 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
     )  # fmt: skip
     if (yield from missed(here, command.key, command.object, sensed)):
         raise missing(f"{command.object} is not where it was")
+    require(here, command)
     try:
         for leg, point in zip(rest, command.approach[1:], strict=True):
             options = motions.hand(side, motions.fingers(point.fingers))

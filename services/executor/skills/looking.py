@@ -13,6 +13,7 @@ from companion.languages import rc
 from services.executor.loop.program import Motion
 from services.executor.skills import motions
 from services.executor.skills.moving import joining
+from services.executor.skills.senses import require
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import NotPossible, Sensed, Skill
 from velma import names
@@ -25,7 +26,7 @@ TURNS = (0.4, -0.4)  # [rad] of the torso from where it was; estimate: an arm pa
 
 
 def look(here: Situation, command: rc.Look) -> Skill:
-    """Look at each point; what is seen there comes back in Sensed."""
+    """Look at each point; what is seen there comes back in Sensed. Raises failed if nothing true is seen at the end."""
     for point in command.at:
         sought = _expected(here, point)
         sensed = yield motions.still(here, command.key, watch=point, settle_s=REST_S)
@@ -34,6 +35,7 @@ def look(here: Situation, command: rc.Look) -> Skill:
                 sensed = yield motion
             if not _unseen(here, sought, sensed):
                 break
+    require(here, command)
 
 
 def missed(here: Situation, key: str, name: str, sensed: Sensed) -> Generator[Motion, Sensed, bool]:

@@ -1,7 +1,8 @@
 """Runs the skill of a robot command to its outcome, and updates the situation after each motion.
 
 What a hand does not feel, the act has not done: a hand that lost its thing, or never lifted it, is opened, and the
-outcome says so. But it is opened only if the joints or the eyes tell the same: the wrist alone may be wrong.
+outcome says so. But it is opened only if the joints or the eyes tell the same: the wrist alone may be wrong. An act
+that no sense could check is not begun.
 """
 
 from collections.abc import Collection, Generator
@@ -14,7 +15,7 @@ from msgspec.structs import replace
 from companion.languages import rc, rs
 from companion.languages.values import BodyPosture, Pose, Side
 from services.executor.loop.program import Motion, Open, Phase
-from services.executor.skills import SKILLS, motions
+from services.executor.skills import SKILLS, motions, senses
 from services.executor.skills.evidence import evidence
 from services.executor.skills.looking import MORE_LOOKS
 from services.executor.skills.situation import Situation
@@ -35,8 +36,14 @@ Performance = Generator[Motion, Sensed, rc.Done | rc.NotDone]
 
 def perform(here: Situation, command: rc.Act) -> Performance:
     """Yield motions, take the Sensed of each, return the outcome."""
-    began, sights, sensed, known = here.time, {}, None, {}
     here.begin()
+    if why := senses.refused(here, command):
+        return ended(here, (), command.key, rc.NotDoneKind.REFUSED, why, here.time)
+    return (yield from _carried_out(here, command))
+
+
+def _carried_out(here: Situation, command: rc.Act) -> Performance:
+    began, sights, sensed, known = here.time, {}, None, {}
     skill: Skill = SKILLS[type(command)](here, command)
     try:
         motion = next(skill)
@@ -145,8 +152,9 @@ def _risen(here: Situation, side: str, sensed: Sensed) -> bool:
 def take(here: Situation, sensed: Sensed) -> None:
     """Update the situation after a motion."""
     here.q, here.head, here.time = sensed.q.copy(), sensed.head, sensed.time
-    here.ill = {Side(side): grip.wrong for side, grip in sensed.grips.items() if grip.wrong}
+    senses.take(here, sensed)
     here.see(sensed.sights)
+    here.ill = senses.told(here, sensed)
 
 
 def _done(here: Situation, sights: Names, command: rc.Act, sensed: Sensed | None, began: float) -> rc.Done:

@@ -21,6 +21,7 @@ from services.executor.skills import motions
 from services.executor.skills.head_turning import AHEAD
 from services.executor.skills.looking import REST_S, missed
 from services.executor.skills.moving import joining, straight
+from services.executor.skills.senses import require
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill, empty, failed, missing, replan
 from velma import names
@@ -51,7 +52,8 @@ After a stop the arm may stand elsewhere: its elbow was before the bowl, and so 
 
 def pour(here: Situation, command: rc.Pour) -> Skill:
     """Pour. Raises replan if the source is not held, the destination not seen, or the tilt impossible; missing if the
-    destination is not there any more, empty if the hand does not feel the source, failed if nothing left it."""
+    destination is not there any more, empty if the hand does not feel the source, failed if nothing left it, or if no
+    sense can check it."""
     held = here.held.get(command.side)
     if held is None or held.object != command.source:
         raise replan(f"the {command.side} hand does not hold {command.source}")
@@ -69,6 +71,7 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
         raise empty(f"the {command.side} hand does not feel {command.source}")
     if (yield from missed(here, command.key, command.destination, before)):
         raise missing(f"{command.destination} is not where it was")
+    require(here, command)
     if np.linalg.norm(_stream(here, command).rim - rim) > MOVED_M:
         raise replan(f"{command.destination} was moved before the tilt")
     _begin(here, command, before)

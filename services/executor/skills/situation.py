@@ -4,20 +4,24 @@ Poses come only from the receptor. A held object moves with the hand, by the las
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 import pinocchio as pin
 
 from companion import models
+from companion.languages import rc
 from companion.languages.values import Side, Uncertainty
 from services.executor.local import Array
 from services.executor.remembered import Unfinished
 from services.executor.sight import Sight
 from velma import names
+from velma.eyes.lens import HEIGHT, WIDTH, lens
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
+from velma.model.kinds import DOORS
 
 SURE_M = 1.3  # markers of all things are read from there: 1.00 up to 1.1 m, 0.92 to 1.5 m (trial, docs/eyes.md)
 SURE_MARKERS = 3  # in view, by which a thing is surely seen: two would do where each is read (estimate)
@@ -26,18 +30,48 @@ FALLEN, ASIDE_M = math.cos(math.radians(20.0)), 0.05
 """From here on a thing fell over, or is not where it was put down. Estimates: one that stands is seen within 2 degrees
 and 20 mm of where the hand left it (tests/executor/skills/test_placed.py)."""
 EDGE_POINTS = 12  # 5 cm apart on a bowl: narrower than a finger with its neighbours (estimate)
+SAME_RAD, SAME_M = 0.03, 0.02
+"""Most by which a thing turns and shifts in a hand from look to look. In 20 good pours (10 each in `canonical` and
+`env2`, 113 looks at a held thing) it was 0.019 rad and 13 mm; in all, a jar turned by up to 0.04 rad."""
+LEVER_M, LOOSE_M = 1.0, 0.01  # by which a joint's error shifts a hand [m/rad], an arm's length; beside it (estimates)
+IN_PICTURE = 0.48  # from the middle, as a share of width and height: a white rim is needed, too (estimate)
 TINY = 1e-9  # above the rounding of a marker that faces along the z axis
 MARGIN_M = 0.002  # pl plans with 6 mm; the difference is for poses that are seen again (estimate)
 
 
 @dataclass
 class Held:
-    """The object in a hand: by which grasp, its pose in the hand (T_grip_object); mass [kg] fed forward."""
+    """The object in a hand: by which grasp, its pose in the hand (T_grip_object); mass [kg] fed forward.
+
+    `steady`: the pose in the hand in which it was seen before, None: not yet; `apart`: looks since, one after the
+    other, in which it was seen in another one; `slipped`: felt to have.
+    """
 
     object: str
     grasp: str
     T_grip_object: pin.SE3
     mass: float
+    steady: pin.SE3 | None = None
+    apart: int = 0
+    slipped: bool = False
+
+    def see(self, inside: pin.SE3) -> None:
+        """Take the pose in the hand by a look."""
+        if self.steady is None or _same(self.steady, inside):
+            self.steady, self.apart = inside, 0
+        else:
+            self.apart = self.apart + 1 if _same(self.T_grip_object, inside) else 1
+        self.T_grip_object = inside
+
+    def turned(self) -> tuple[float, float]:
+        """Return by how much [rad, m] the thing has jumped in the hand, as if a joint of the arm were measured wrong.
+
+        0 where it has not, by two looks that agree, or where it only slid. A grip that slipped may look alike.
+        """
+        if self.steady is None or self.apart < 2:
+            return 0.0, 0.0
+        angle, shift = _apart(self.steady, self.T_grip_object)
+        return (angle, shift) if shift < LEVER_M * angle + LOOSE_M else (0.0, 0.0)
 
 
 @dataclass
@@ -52,7 +86,8 @@ class Situation:
     act, where an arm or the thing's own wall hid some. `filled`: things that something was poured into.
     `uncertain`: how far the poses in `seen` may be off, where eyes told it. `missing`: things that were looked for in
     this act and are not where they should be. `looked_at`: things that were seen in this act, since a hand that let go
-    of them did. `ill`: wrists that read what cannot be, and what.
+    of them did. `ill`: senses that tell what cannot be. `blind`: looks, one after the other, that showed nothing of the
+    furniture that must be in view; `numb`: hands without a sensor that feels.
     """
 
     robot: Robot
@@ -77,7 +112,9 @@ class Situation:
     uncertain: dict[str, Uncertainty] = field(default_factory=dict)
     missing: set[str] = field(default_factory=set)
     looked_at: set[str] = field(default_factory=set)
-    ill: dict[Side, str] = field(default_factory=dict)
+    ill: tuple[rc.Ill, ...] = ()
+    blind: int = 0
+    numb: set[Side] = field(default_factory=set)
 
     def begin(self) -> None:
         """Forget what is told at the end of one act only."""
@@ -96,7 +133,7 @@ class Situation:
                 self._note(sight.name, sight.uncertainty)
             else:
                 grip = self.robot.grip(self.q, side)
-                self.held[side].T_grip_object = grip.inverse() * sight.T_world_object
+                self.held[side].see(grip.inverse() * sight.T_world_object)
                 self.world.attach(sight.name, side, self.held[side].T_grip_object)
         for sight in sights:
             if sight.content is None or self.holder(sight.name) is not None:
@@ -131,11 +168,26 @@ class Situation:
         if at is None and not self._stands(name):
             return False
         eye, pose = self._eye(self.q), self.seen[name] if at is None else at
+        return sum(self._shown(name, at, eye) for at in self._markers_at(name, pose)) >= SURE_MARKERS
+
+    def _markers_at(self, name: str, pose: pin.SE3) -> Iterator[Array]:
+        """Yield the corners (4, 3) [m, world] of each marker of a thing at this pose that no content covers."""
         covered = name in self.filled or self.contents.get(name, 0.0) > 0.0
-        bare = (corners for corners in self.markers.get(name, ()) if not (covered and _inwards(corners)))
-        markers = (corners @ pose.rotation.T + pose.translation for corners in bare)
-        sure = (at for at in markers if _read(at, eye) and not self.world.hidden(self.q, eye, list(at), name))
-        return sum(1 for _ in sure) >= SURE_MARKERS
+        for corners in self.markers.get(name, ()):
+            if not (covered and _inwards(corners)):
+                yield corners @ pose.rotation.T + pose.translation
+
+    def _shown(self, name: str, corners: Array, eye: Array) -> bool:
+        """Whether a marker of a thing is surely read, if it is in the picture."""
+        return _read(corners, eye) and not self.world.hidden(self.q, eye, list(corners), name)
+
+    def must_show(self) -> bool:
+        """Whether enough markers of furniture are in the picture from here, and nothing hides them."""
+        camera = self.robot.camera(float(self.q[names.TORSO]), *self.head)
+        still = (name for name, model in self.models.items() if name in self.seen and _still(model))
+        corners = ((name, at) for name in still for at in self._markers_at(name, self.seen[name]))
+        sure = (at for name, at in corners if _framed(at, camera) and self._shown(name, at, camera.translation))
+        return len(list(islice(sure, SURE_MARKERS))) == SURE_MARKERS
 
     def _stands(self, name: str) -> bool:
         """Whether it is known where a thing is, and no hand holds it."""
@@ -224,6 +276,30 @@ class Situation:
         self.seen[name] = pose
         model = models.MODELS[self.models[name]]
         self.world.put(name, model.shapes, pose, "object" if model.moveable else "furniture")
+
+
+def _still(model: str) -> bool:
+    """Whether a thing of this model is furniture that does not move."""
+    return not models.MODELS[model].moveable and model not in DOORS
+
+
+def _apart(one: pin.SE3, other: pin.SE3) -> tuple[float, float]:
+    """Return the turn [rad] and the shift [m] between two poses."""
+    between = one.inverse() * other
+    return float(np.linalg.norm(pin.log3(between.rotation))), float(np.linalg.norm(between.translation))
+
+
+def _same(one: pin.SE3, other: pin.SE3) -> bool:
+    angle, shift = _apart(one, other)
+    return angle < SAME_RAD and shift < SAME_M
+
+
+def _framed(corners: Array, camera: pin.SE3) -> bool:
+    """Whether the points (n, 3) are in the picture of the camera."""
+    inside = (corners - camera.translation) @ camera.rotation
+    if (inside[:, 2] < TINY).any():
+        return False
+    return bool((np.abs(lens().project(inside) / (WIDTH, HEIGHT) - 0.5) < IN_PICTURE).all())
 
 
 def _edge(hole: models.Opening) -> list[tuple[float, float, float]]:

@@ -16,7 +16,10 @@ from services.executor.sight import Sight
 
 @dataclass(frozen=True)
 class Sensed:
-    """After a motion: how it ended, set-point q and measured joints (15,) [rad], touches, grips, sights."""
+    """After a motion: how it ended, set-point q and measured joints (15,) [rad], touches, grips, sights.
+
+    `wrong`, `off`: of the eyes that had these sights (services.executor.sight.Eye).
+    """
 
     ended: str
     reason: str
@@ -28,6 +31,8 @@ class Sensed:
     head: tuple[float, float]
     sights: Sequence[Sight]
     time: float
+    wrong: str = ""
+    off: float = 0.0
 
 
 SLIPS = 3  # estimate: a bowl that is tilted settles once or twice in the fingers (seen on the way to a free spot)

@@ -151,14 +151,47 @@ LEAST_WEIGHED_KG = 0.015
 measured)."""
 
 
+class Sensor(StrEnum):
+    """What the robot senses with."""
+
+    RIGHT_WRIST = "right-wrist"
+    LEFT_WRIST = "left-wrist"
+    CAMERA = "camera"
+    NECK = "neck"  # the encoders between the room and the camera: torso and head
+    RIGHT_ARM = "right-arm"  # its encoders
+    LEFT_ARM = "left-arm"
+
+
+class Fault(StrEnum):
+    """What is wrong with a sense. As in velma.control.grip and velma.eyes.health (a test compares them)."""
+
+    NO_NUMBER = "no-number"
+    ZERO = "zero"
+    STUCK = "stuck"  # the same while the hand turns
+    FROZEN = "frozen"  # the same picture again
+    DARK = "dark"
+    UNIFORM = "uniform"  # of one brightness
+    MIRRORED = "mirrored"
+    BLIND = "blind"  # nothing is seen of what must be in view
+    OFF = "off"  # what does not move is seen to have turned
+
+
+class Ill(msgspec.Struct, frozen=True):
+    """A sense that tells what cannot be, and how. `off`: by how much encoders are [rad]."""
+
+    sense: Sensor
+    fault: Fault
+    off: float = 0.0
+
+
 class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     """An act ended as wanted: what was seen at its end, the posture, what each hand holds (object, T_grip_object).
 
     `weighed`: mass in the hand before and after a pour, felt in the same posture [kg]; None: not felt. `placed`: things
     where a hand let go of them, not seen since. `arrived`: whether what left the source of a pour is in the
     destination, by a look into it; None: not looked into. `missing`: things that were looked for and are not where they
-    should be, though nothing hides the place. `ill`: wrists whose sensors read what cannot be, and what they read.
-    `evidence`: for each row of CHECKS, which senses told that it is true.
+    should be, though nothing hides the place. `ill`: sensors that tell what cannot be. `evidence`: for each row of
+    CHECKS, which senses told that it is true.
     """
 
     key: str
@@ -170,7 +203,7 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     placed: tuple[Seen, ...] = ()
     arrived: bool | None = None
     missing: tuple[str, ...] = ()
-    ill: dict[Side, str] = {}
+    ill: tuple[Ill, ...] = ()
     evidence: tuple[Evidence, ...] = ()
 
 
@@ -208,7 +241,7 @@ class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True)
     lost: dict[Side, str] = {}
     placed: tuple[Seen, ...] = ()
     missing: tuple[str, ...] = ()
-    ill: dict[Side, str] = {}
+    ill: tuple[Ill, ...] = ()
 
 
 class Accepted(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):

@@ -9,7 +9,7 @@ from grips import BOWL_POSTURE, JAR_POSTURE, at, lever, raised, standing
 
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Close, Open, Payload, Phase, motion
-from velma.control.grip import Grip
+from velma.control.grip import Grip, Wrong
 from velma.names import SIDES
 from velma.sim.mock_backend import MockBackend
 from velma.sim.truth import TruthReader
@@ -144,9 +144,9 @@ def test_a_thing_put_down_is_not_lost(lifted):
 @pytest.mark.parametrize(
     ("kind", "wrong"),
     [
-        ("nan", "reads what is no number"),
-        ("zero", "reads zero"),
-        ("stuck", "reads the same while the hand turns"),
+        ("nan", Wrong.NO_NUMBER),
+        ("zero", Wrong.ZERO),
+        ("stuck", Wrong.STUCK),
     ],
 )
 def test_a_sensor_that_is_not_well_feels_nothing(lifted, kind, wrong, monkeypatch):
