@@ -152,6 +152,7 @@ class _Act(_Saved, frozen=True, array_like=True):
     late_s: float | None
     largest: list[float]
     below_at_start: float | None
+    look_s: float
 
 
 class _Track(_Saved, frozen=True, array_like=True):

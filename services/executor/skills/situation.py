@@ -18,6 +18,7 @@ from services.executor.sight import Sight
 from velma import names
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
+from velma.kinematics.shapes import Cylinder
 
 SURE_M = 1.3  # markers of all things are read from there: 1.00 up to 1.1 m, 0.92 to 1.5 m (trial, docs/eyes.md)
 SURE_MARKERS = 3  # in view, by which a thing is surely seen: two would do where each is read (estimate)
@@ -26,6 +27,8 @@ FALLEN, ASIDE_M = math.cos(math.radians(20.0)), 0.05
 """From here on a thing fell over, or is not where it was put down. Estimates: one that stands is seen within 2 degrees
 and 20 mm of where the hand left it (tests/executor/skills/test_placed.py)."""
 EDGE_POINTS = 12  # 5 cm apart on a bowl: narrower than a finger with its neighbours (estimate)
+COLUMN_M = 0.25  # above an opening; as high as a jar is when it begins to pour (velma.kinematics.tasks.pouring)
+BESIDE_M = 0.01  # less than the opening's radius: what is seen again is up to 8 mm elsewhere (skills/moving.py)
 TINY = 1e-9  # above the rounding of a marker that faces along the z axis
 MARGIN_M = 0.002  # pl plans with 6 mm; the difference is for poses that are seen again (estimate)
 
@@ -125,14 +128,33 @@ class Situation:
         `at`: its pose in the world, also in a hand; None: as it was seen to stand. Markers inside a vessel may be
         covered by its content.
         """
+        return len(self.in_view(name, at)) >= SURE_MARKERS
+
+    def in_view(self, name: str, at: pin.SE3 | None = None) -> frozenset[int]:
+        """Return which markers of a thing would be read from here: they face the eyes, and nothing known hides them.
+
+        `at`, and markers inside a vessel: as of `surely_seen`. None for a thing of which it is not known where it is.
+        """
         if at is None and not self._stands(name):
-            return False
+            return frozenset()
         eye, pose = self._eye(self.q), self.seen[name] if at is None else at
         covered = name in self.filled or self.contents.get(name, 0.0) > 0.0
-        bare = (corners for corners in self.markers.get(name, ()) if not (covered and _inwards(corners)))
-        markers = (corners @ pose.rotation.T + pose.translation for corners in bare)
-        sure = (at for at in markers if _read(at, eye) and not self.world.hidden(self.q, eye, list(at), name))
-        return sum(1 for _ in sure) >= SURE_MARKERS
+        bare = ((k, c) for k, c in enumerate(self.markers.get(name, ())) if not (covered and _inwards(c)))
+        placed = ((k, corners @ pose.rotation.T + pose.translation) for k, corners in bare)
+        return frozenset(k for k, at in placed if _read(at, eye) and not self.world.hidden(self.q, eye, list(at), name))
+
+    def above(self, name: str, at: pin.SE3 | None = None) -> frozenset[str]:
+        """Return which things, beside those in hands, reach into the column above a thing's opening.
+
+        `at`: pose of the thing, None: as it was seen. None for a thing without an opening.
+        """
+        hole = models.MODELS[self.models[name]].hole
+        if hole is None or (at is None and name not in self.seen):
+            return frozenset()
+        column = Cylinder(hole.radius - BESIDE_M, COLUMN_M)
+        middle = (self.seen[name] if at is None else at).act(np.array(hole.centre))
+        middle[2] += COLUMN_M / 2.0
+        return frozenset(self.world.inside(column, pin.SE3(np.eye(3), middle))) - {name}
 
     def _stands(self, name: str) -> bool:
         """Whether it is known where a thing is, and no hand holds it."""
