@@ -194,9 +194,16 @@ def _upright(here: Situation, command: rc.Pour, tilt: list[np.ndarray], rim: np.
 def _blame(here: Situation, command: rc.Pour, watch: Watch, after: Sensed) -> Skill:
     """Raise what was wrong with the destination during a tilt; look for it once more if it was not seen then."""
     name = command.destination
-    if watch.gone and (yield from missed(here, command.key, name, after)):
-        raise missing(f"{name} is not where it was: {watch.why}")
+    if watch.gone and not _shown(name, after):
+        again = yield motions.still(here, command.key, watch=here.seen[name].translation, settle_s=REST_S)
+        if not _shown(name, again):
+            here.give_up(name)
+            raise missing(f"{name} is not where it was: {watch.why}")
     raise replan(watch.why)
+
+
+def _shown(name: str, sensed: Sensed) -> bool:
+    return name in {sight.name for sight in sensed.sights}
 
 
 def _much_left(here: Situation, command: rc.Pour, after: Sensed) -> bool:

@@ -19,11 +19,12 @@ from velma.kinematics.frames import tilt
 LOOK_EVERY_S = 0.25
 """Between two looks [s, simulated]; estimate: a tilt takes 2.2 s, a look 80 ms of processor time."""
 DOUBT_S = 0.1  # to the next look in doubt; estimate: as long as a look takes
-SEEN_WRONG, UNSEEN = 2, 3
-"""Looks in a row that show it in a wrong place, and that do not show it, before something is wrong. Estimates: 2 % of
-the sights of noisy eyes are outliers; of pictures up to 40 % too dark or bright, some show no marker."""
+SEEN_WRONG, UNSEEN, MARKERS = 2, 2, 9
+"""Looks in a row that show it in a wrong place, or that do not show it, with so many markers in view in all of them,
+before something is wrong. A picture that shows nothing at all counts half. Estimates: 2 % of the sights of noisy eyes
+are outliers; of pictures up to 40 % too dark or bright, some show no marker; nine are those of three sure looks."""
 TWO = 2  # markers in view that tell as much as three, where the last look showed the thing by no more (estimate)
-FLOWS = np.radians(60.0)  # tilt of the jar up to which nothing covers markers inside the bowl (estimate)
+FLOWS = np.radians(75.0)  # tilt of the jar up to which nothing covers markers inside the bowl (estimate)
 
 
 class Watch:
@@ -37,7 +38,7 @@ class Watch:
         self._at = here.seen[name]
         self._before = here.above(name)
         self._seen_by: frozenset[int] = frozenset()  # markers that were in view when it was seen last
-        self._wrong = self._unseen = 0
+        self._wrong, self._unseen, self._markers = 0, 0, 0.0
         self.why, self.gone = "", False
 
     def during(self, motion: Motion) -> Generator[Asked, Sensed, Sensed]:
@@ -67,12 +68,12 @@ class Watch:
         if seen and not wrong:
             self._wrong = 0
         if seen:
-            self._seen_by, self._unseen = here.in_view(self._name, self._at), 0
-        elif sensed.sights and self._surely():
-            self._unseen += 1
+            self._seen_by, self._unseen, self._markers = here.in_view(self._name, self._at), 0, 0.0
+        elif sure := self._sure():
+            self._unseen, self._markers = self._unseen + 1, self._markers + sure * (1.0 if sensed.sights else 0.5)
         if self._wrong >= SEEN_WRONG:
             self.why = f"{wrong} during the tilt"
-        elif self._unseen >= UNSEEN:
+        elif self._unseen >= UNSEEN and self._markers >= MARKERS:
             self.why, self.gone = f"{self._name} was not to be seen during the tilt", True
 
     def _above(self) -> str:
@@ -88,7 +89,11 @@ class Watch:
         moved = float(np.linalg.norm(seen.translation - self._at.translation))
         return f"{self._name} was moved by {moved:.2f} m" if moved > self._rim_radius / 2.0 else ""
 
-    def _surely(self) -> bool:
-        """Whether it would be seen from here: by three markers, or by two where the last look had no more in view."""
+    def _sure(self) -> int:
+        """Return by how many markers it would surely be seen from here; 0: it need not be seen.
+
+        By three, or by two where the last look that showed it had no more in view.
+        """
         now = self._here.in_view(self._name, self._at)
-        return len(now) >= SURE_MARKERS or (len(now) >= TWO and now >= self._seen_by > frozenset())
+        sure = len(now) >= SURE_MARKERS or (len(now) >= TWO and now >= self._seen_by > frozenset())
+        return len(now) if sure else 0
