@@ -10,6 +10,7 @@ With `--again N`, every N-th child also does the whole task again.
 import dataclasses
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -21,7 +22,7 @@ from pour_one_process import Run
 from companion.languages import hfsm
 from services.executor.loop.program import Motion, Phase
 from services.executor.simulation import InProcess
-from services.executor.skills.skill import Sensed
+from services.executor.skills.skill import Asked, Sensed
 from services.task import plan as plans
 
 UPRIGHT_DEG = 10.0
@@ -33,12 +34,14 @@ class Interruptible(InProcess):
 
     every_s, interrupt = 2.0, staticmethod(lambda motion, elapsed: False)
 
-    def do(self, motion: Motion) -> Sensed:
+    def do(self, motion: Motion, judge: Callable[[Sensed], Asked] | None = None) -> Sensed:
         """Run a motion to its end, which is a cancelled one after a cancel, even where the two crossed."""
         began, due, cancelled = self.core.state.time, LEAST_GAP_S, False
         self.core.begin(motion)
         while self.core.report.phase is Phase.RUNNING:
             self.core.cycle()
+            if judge is not None and self.core.look_due:
+                self.answer(judge(self.sensed()))
             elapsed = self.core.state.time - began
             if not cancelled and elapsed >= due:
                 due += self.every_s

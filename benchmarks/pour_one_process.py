@@ -63,14 +63,8 @@ class Run:
 
     def act(self, command: rc.Act) -> rc.Done | rc.NotDone:
         """Perform a command, then let km know what was seen."""
-        work = perform(self.here, command)
         began = time.perf_counter()
-        try:
-            motion = next(work)
-            while True:
-                motion = work.send(self.body.do(motion))
-        except StopIteration as stop:
-            outcome: rc.Done | rc.NotDone = stop.value
+        outcome = self.body.perform(perform(self.here, command))
         self.observe(outcome)
         name = f"{type(command).__name__} {command.key}"
         ended = "done" if isinstance(outcome, rc.Done) else f"{outcome.kind}: {outcome.reason}"

@@ -5,7 +5,21 @@ from msgspec.structs import replace
 from agent_runtime.core.events import Local, Woken
 from agent_runtime.core.turn import Turn
 from companion.languages import rc
-from services.executor.local import Crashed, Do, Drop, Ended, Feel, Felt, Lost, Move, Moved
+from services.executor.local import (
+    Brake,
+    Crashed,
+    Do,
+    Drop,
+    Ended,
+    Feel,
+    Felt,
+    Glance,
+    GoOn,
+    Lost,
+    Move,
+    Moved,
+    Passing,
+)
 from services.executor.loop.program import KNOT_S, Motion, Phase
 from services.executor.memory import Memory
 
@@ -39,6 +53,12 @@ def follow(memory: Memory, turn: Turn) -> Memory:
     act = memory.act
     assert act is not None
     match turn.event:
+        case Local(content=Passing(number=number, felt=felt)) if number == memory.number:
+            turn.tell(Glance(number, felt))
+            return memory
+        case Local(content=GoOn(number=number) | Brake(number=number) as answer) if number == memory.number:
+            turn.tell(answer)  # nothing to do for the loop where the motion has ended meanwhile
+            return memory
         case Local(content=Moved(number=number, felt=felt)) if number == memory.number:
             return _moved(memory, turn, felt)
         case Local(content=Move(number=number) as move) if number == memory.number:
@@ -56,12 +76,15 @@ def follow(memory: Memory, turn: Turn) -> Memory:
 
 
 def _moved(memory: Memory, turn: Turn, felt: Felt) -> Memory:
-    """Tell the skill how its motion ended; the first end after a cancel counts as cancelled, even if they crossed."""
+    """Tell the skill how its motion ended; the first end after a cancel counts as cancelled, even if they crossed.
+
+    A skill that braked its motion by itself was not told of a cancel.
+    """
     act = memory.act
     assert act is not None
     if act.cancelling and not act.broken_off and felt.ended == Phase.DONE:
         felt = replace(felt, ended=str(Phase.CANCELLED))
-    broken_off = act.broken_off or felt.ended == Phase.CANCELLED
+    broken_off = act.broken_off or (act.cancelling and felt.ended == Phase.CANCELLED)
     turn.tell(Feel(memory.number, felt))
     turn.wake(PATIENCE, turn.now + COMPUTE_WITHIN_S)
     soft = replace(memory.soft, moving=False, felt=felt)

@@ -3,7 +3,7 @@
 from typing import Any
 
 from agent_runtime.io.devices import Device
-from services.executor.local import Brake, Do, Halt, Perform, Where
+from services.executor.local import Brake, Do, GoOn, Halt, Perform, Where
 from services.executor.telemetry import Telemetry
 
 
@@ -22,7 +22,7 @@ class RobotDevice:
         """Hand a message to the loop or to the skills."""
         if self._telemetry is not None and isinstance(content, Perform):
             self._telemetry.skill = type(content.command).__name__
-        (self.loop if isinstance(content, Where | Halt | Do | Brake) else self.skills).tell(content)
+        (self.loop if isinstance(content, Where | Halt | Do | GoOn | Brake) else self.skills).tell(content)
 
     def close(self) -> None:
         """Close all of them."""

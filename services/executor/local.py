@@ -65,9 +65,16 @@ class Do(Message, frozen=True):
 
 
 class Brake(Message, frozen=True):
-    """Bring the motion of this key to rest; its Moved still comes."""
+    """Bring the motion of this key to rest; its Moved still comes. Also the answer of a skill to Glance."""
 
     key: str
+
+
+class GoOn(Message, frozen=True):
+    """The answer of a skill to Glance: the motion of this key goes on, the next look is due after `look_in_s` [s]."""
+
+    key: str
+    look_in_s: float
 
 
 # --- to the skill process ---------------------------------------------------------------------------------------------
@@ -95,6 +102,12 @@ class Feel(Message, frozen=True):
     felt: Felt
 
 
+class Glance(Message, frozen=True):
+    """Look, and judge the motion under way -> GoOn or Brake."""
+
+    felt: Felt
+
+
 class Drop(Message, frozen=True):
     """Give the act up: the skill process is killed."""
 
@@ -104,6 +117,12 @@ class Drop(Message, frozen=True):
 
 class Stands(Message, frozen=True):
     """The posture of the robot."""
+
+    felt: Felt
+
+
+class Passing(Message, frozen=True):
+    """A look at the motion under way is due -> GoOn or Brake."""
 
     felt: Felt
 
@@ -147,7 +166,7 @@ class Crashed(msgspec.Struct, frozen=True, tag=True):
     reason: str
 
 
-ToLoop = Where | Halt | Do | Brake
-ToSkill = Perform | Feel
-FromSkill = Move | Ended | ByRays
-Local = Stands | Moved | Lost | Move | Ended | ByRays | Crashed
+ToLoop = Where | Halt | Do | GoOn | Brake
+ToSkill = Perform | Feel | Glance
+FromSkill = Move | GoOn | Brake | Ended | ByRays
+Local = Stands | Passing | Moved | Lost | Move | GoOn | Brake | Ended | ByRays | Crashed

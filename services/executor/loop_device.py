@@ -3,6 +3,8 @@
 A motion is Lost if another loop process took over (the file was replaced) or the loop stands still. A hold after a
 fault is released when the agent asks for the posture; a person's stop is not.
 
+Where a look at a motion is due, it is asked for once, and everything else goes on until it is answered.
+
 A wait for the loop ends after a number of looks, not at a time: a machine that suspends this process loses no motion.
 """
 
@@ -16,9 +18,9 @@ import numpy as np
 
 from agent_runtime.io.devices import Post
 from agent_runtime.io.one_reader import OneReaderQueue
-from services.executor.local import Brake, Do, Felt, Halt, Lost, Moved, Stands, ToLoop, Where
+from services.executor.local import Brake, Do, Felt, GoOn, Halt, Lost, Moved, Passing, Stands, ToLoop, Where
 from services.executor.loop.link import AgentLink, LoopCommand, LoopState, Told
-from services.executor.loop.program import Cancel, Mode, Phase, Release
+from services.executor.loop.program import Cancel, LookAgain, Mode, Phase, Release
 from velma.errors import SlotError
 from velma.names import SIDES
 
@@ -44,6 +46,7 @@ class LoopDevice:
         self._post, self._path = post, path
         self._words = OneReaderQueue[ToLoop | None]()
         self._link: AgentLink | None = None
+        self._looking = False  # a look was asked for, and is not answered yet
         self._thread = threading.Thread(target=self._serve, name="loop link", daemon=True)
         self._thread.start()
 
@@ -73,7 +76,7 @@ class LoopDevice:
                     return self._halt(number)
                 case Do():
                     return self._carry_out(word)
-                case Brake():
+                case GoOn() | Brake():
                     pass  # its motion has ended
         except Gone as gone:
             self._post(Lost(word.number, str(gone)))
@@ -112,7 +115,7 @@ class LoopDevice:
         except SlotError as error:
             self._post(Moved(word.number, _felt(_state(link), link.told(), Phase.FAILED, str(error))))
             return True
-        cycles, alike = -1, 0
+        cycles, alike, self._looking = -1, 0, False
         while True:
             told, state = link.told(), _state(link)
             if told.refusal and told.taken == sent:
@@ -121,7 +124,11 @@ class LoopDevice:
             if told.taken >= sent and told.report.phase is not Phase.RUNNING:
                 self._post(Moved(word.number, _felt(_state(link), told, told.report.phase, told.report.reason)))
                 return True
-            cycles, alike = state.cycles, alike + 1 if state.cycles == cycles else 0
+            if told.look and not self._looking:
+                self._looking = True
+                self._post(Passing(word.number, _felt(_state(link), told, told.report.phase, "")))
+            # Simulated time may stand still until the look is answered.
+            cycles, alike = state.cycles, alike + 1 if state.cycles == cycles and not self._looking else 0
             if link.file.replaced or alike * BEAT_S > SILENT_S:
                 raise Gone("the loop ended in the middle of a motion")
             link.beat()
@@ -136,6 +143,9 @@ class LoopDevice:
             return True
         if isinstance(asked, Brake):
             self._command(link, Cancel(asked.key))
+        elif isinstance(asked, GoOn):
+            self._command(link, LookAgain(asked.key, asked.look_in_s))
+            self._looking = False
         elif isinstance(asked, Halt):
             self._command(link, Cancel(word.motion.key))
             self._words.put(asked)

@@ -4,17 +4,21 @@ The agent reaches the loop through slots in another process; tests and benchmark
 the same Sensed.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from companion.eyes import Eyes
+from companion.languages import rc
 from companion.models import KNOWN_AS
 from services.executor.local import Array
 from services.executor.loop.core import LoopCore
-from services.executor.loop.program import Motion
+from services.executor.loop.program import Cancel, LookAgain, Motion, Phase
 from services.executor.pixel_receptor import PixelReceptor
 from services.executor.receptor import Receptor
 from services.executor.sight import Eye
-from services.executor.skills.skill import Sensed
+from services.executor.skills.performing import Performance
+from services.executor.skills.skill import Asked, Sensed
 from velma.model.markers import of_scene
 from velma.model.scene import Scene
 from velma.names import TORSO
@@ -44,10 +48,33 @@ class InProcess:
     def __init__(self, core: LoopCore, eye: Eye) -> None:
         self.core, self.eye = core, eye
 
-    def do(self, motion: Motion) -> Sensed:
-        """Run a motion to its end, then look."""
-        self.core.run(motion)
+    def perform(self, work: Performance) -> rc.Done | rc.NotDone:
+        """Run an act to its outcome."""
+        try:
+            asked = next(work)
+            while True:
+                assert isinstance(asked, Motion)
+                asked = work.send(self.do(asked, work.send))
+        except StopIteration as stop:
+            outcome: rc.Done | rc.NotDone = stop.value
+            return outcome
+
+    def do(self, motion: Motion, judge: Callable[[Sensed], Asked] | None = None) -> Sensed:
+        """Run a motion to its end, then look. `judge` answers the looks at it on the way; None: nobody looks."""
+        self.core.begin(motion)
+        while self.core.report.phase is Phase.RUNNING:
+            self.core.cycle()
+            if judge is not None and self.core.look_due:
+                self.answer(judge(self.sensed()))
         return self.sensed()
+
+    def answer(self, word: Asked) -> None:
+        """Do what the skill answered to a look."""
+        match word:
+            case LookAgain():
+                self.core.look_again(word.key, word.in_s)
+            case Cancel():
+                self.core.cancel(word.key)
 
     def sensed(self) -> Sensed:
         """Return how the last motion ended and what is seen now."""

@@ -5,7 +5,7 @@ from msgspec.structs import replace
 from agent_runtime.io.devices import Post
 from agent_runtime.io.worker import Worker
 from companion.eyes import Eyes
-from services.executor.local import ByRays, Crashed, Drop, Feel, FromSkill, Perform, Setup
+from services.executor.local import ByRays, Crashed, Drop, Feel, FromSkill, Glance, Perform, Setup
 
 ENTRY = "services.executor.skill_process:serve"
 
@@ -23,9 +23,9 @@ class SkillDevice:
         """Whether the child computes."""
         return self._busy
 
-    def tell(self, content: Perform | Feel | Drop) -> None:
+    def tell(self, content: Perform | Feel | Glance | Drop) -> None:
         """Hand a message to the child; Drop kills a child in the middle of an act."""
-        if not self._child.alive or (self._acting and not isinstance(content, Feel)):
+        if not self._child.alive or (self._acting and not isinstance(content, Feel | Glance)):
             self._child.kill()
             self._child, self._acting, self._busy = self._new(), False, False
         if not isinstance(content, Drop):

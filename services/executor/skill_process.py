@@ -14,13 +14,13 @@ from companion.languages import rc, rs
 from companion.languages.values import Pose, Side
 from services.executor import simulation
 from services.executor.acting import duration
-from services.executor.local import Array, ByRays, Ended, Feel, Felt, Move, Perform, Setup, ToSkill
-from services.executor.loop.program import Motion
+from services.executor.local import Array, Brake, ByRays, Ended, Felt, GoOn, Move, Perform, Setup, ToSkill
+from services.executor.loop.program import Cancel, LookAgain, Motion
 from services.executor.remembered import Holding, Remembered
 from services.executor.sight import Eye, Neck, Sight
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Held, Situation, beginning
-from services.executor.skills.skill import Sensed
+from services.executor.skills.skill import Asked, Sensed
 from services.executor.world import scene_of
 from velma import names
 from velma.kinematics.frames import transform, xyz_quat
@@ -130,7 +130,7 @@ def serve(link: Link) -> None:
         word = _act(link, stage, word) if isinstance(word, Perform) else link.recv(ToSkill)
 
 
-def _act(link: Link, stage: Stage, word: Perform) -> Perform | Feel:
+def _act(link: Link, stage: Stage, word: Perform) -> ToSkill:
     """Run one skill; return the first message that does not belong to it."""
     here = stage.situation(word.remembered, word.felt)
     work = perform(here, word.command)
@@ -138,17 +138,25 @@ def _act(link: Link, stage: Stage, word: Perform) -> Perform | Feel:
     def kept() -> Remembered:
         return remembered(here, word.felt.epoch)
 
+    def told(asked: Asked) -> Move | GoOn | Brake:
+        match asked:
+            case LookAgain(key=key, in_s=in_s):
+                return GoOn(word.number, key, in_s)
+            case Cancel(key=key):
+                return Brake(word.number, key or word.command.key)
+        return Move(word.number, asked, _expected(word.command, asked), kept())
+
     try:
-        motion = next(work)
+        asked = next(work)
         while True:
-            link.send(Move(word.number, motion, _expected(word.command, motion), kept()))
-            reply: Perform | Feel = link.recv(ToSkill)
-            if not isinstance(reply, Feel) or reply.number != word.number:
+            link.send(told(asked))
+            reply: ToSkill = link.recv(ToSkill)
+            if isinstance(reply, Perform) or reply.number != word.number:
                 return reply
-            motion = work.send(stage.sensed(reply.felt))
+            asked = work.send(stage.sensed(reply.felt))
     except StopIteration as stop:
         link.send(Ended(word.number, stop.value, kept()))
-    following: Perform | Feel = link.recv(ToSkill)
+    following: ToSkill = link.recv(ToSkill)
     return following
 
 

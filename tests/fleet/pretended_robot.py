@@ -12,7 +12,23 @@ from msgspec.structs import replace
 from agent_runtime.io.devices import Post
 from companion.languages import rc, rs
 from companion.languages.values import Pose
-from services.executor.local import Brake, Do, Drop, Ended, Feel, Felt, Halt, Move, Moved, Perform, Stands, Where
+from services.executor.local import (
+    Brake,
+    Do,
+    Drop,
+    Ended,
+    Feel,
+    Felt,
+    Glance,
+    GoOn,
+    Halt,
+    Move,
+    Moved,
+    Passing,
+    Perform,
+    Stands,
+    Where,
+)
 from services.executor.loop.program import Motion, motion
 from services.executor.remembered import Holding, Remembered
 
@@ -35,16 +51,19 @@ class World:
         self.models = {"table_1": "table", "cabinet_1": "cabinet_no_door", "jar_1": "jar", "bowl_1": "bowl_high"}
         self.poured = 0
         self.begun: list[str] = []
+        self.looks = 0
         self.sim_time = 0.0
 
 
 class Robot:
-    """The device; `later(delay, call)` is the wires' virtual time."""
+    """The device; `later(delay, call)` is the wires' virtual time. `looks`: at each motion it looks once."""
 
     busy = False
 
-    def __init__(self, post: Post, world: World, later: Callable[[float, Callable[[], None]], None]) -> None:
-        self._post, self._world, self._later = post, world, later
+    def __init__(
+        self, post: Post, world: World, later: Callable[[float, Callable[[], None]], None], looks: bool = False
+    ) -> None:
+        self._post, self._world, self._later, self._looks = post, world, later, looks
         self._act: Iterator[Motion] | None = None
         self._perform: Perform | None = None
         self._moving = ""
@@ -67,6 +86,11 @@ class Robot:
                     self._post(Moved(number, self._felt("cancelled")), 0.05)
             case Feel(number=number, felt=felt):
                 self._go_on(number, felt)
+            case Glance(number=number):
+                if self._perform is not None and self._perform.number == number:
+                    self._post(GoOn(number, self._perform.command.key, 60.0), 0.05)
+            case GoOn():
+                self._world.looks += 1
             case Drop():
                 self._act = self._perform = None
 
@@ -85,6 +109,12 @@ class Robot:
                 self._world.sim_time += MOTION_S
                 self._post(Moved(number, self._felt("done")))
 
+        def look() -> None:
+            if self._moving == motion_under_way:
+                self._post(Passing(number, self._felt("running")))
+
+        if self._looks:
+            self._later(MOTION_S / 2.0, look)
         self._later(MOTION_S, end)
 
     def _felt(self, ended: str) -> Felt:

@@ -222,6 +222,21 @@ class World:
         ]
         return sum(_crossed(others, eye, point) for point in points)
 
+    def inside(self, shape: Any, pose: Any) -> set[str]:
+        """Return the things at rest that reach into a shape at T_world_shape."""
+        room, there = solid(shape), _placed(pose)
+        request = coal.CollisionRequest()
+        return {
+            name
+            for name, thing in self._things.items()
+            if thing.side is None
+            and any(
+                coal.collide(room, there, solid(part), _placed(thing.pose * transform(part.at)), request, found)
+                for part in thing.shapes
+                for found in (coal.CollisionResult(),)
+            )
+        }
+
     # -- inside ----------------------------------------------------------------------------------------------------
     def _thing(self, name: str) -> _Thing:
         try:
@@ -320,6 +335,10 @@ class World:
             first, second = self._groups == a, self._groups == b
             meets[np.ix_(first, second)] = meets[np.ix_(second, first)] = False
         return meets
+
+
+def _placed(pose: Any) -> Any:
+    return coal.Transform3s(pose.rotation, pose.translation)
 
 
 def _crossed(shapes: Sequence[tuple[Any, Any]], eye: Array, point: Array) -> bool:

@@ -28,6 +28,7 @@ class Act:
         self._late_s: float | None = None
         self._largest = [0.0, 0.0]
         self._below_at_start: float | None = None
+        self._look_s = began_s + motion.look_every_s if motion.look_every_s else math.inf
 
     def cancel(self) -> None:
         """Come to rest along the path."""
@@ -39,6 +40,14 @@ class Act:
         """Come to rest along the path, or go on from there. Hands and head go on moving."""
         if self.track is not None:
             self.track.pause() if paused else self.track.resume()
+
+    def look_due(self, now_s: float) -> bool:
+        """Whether a look is due. A motion that comes to rest for good needs none."""
+        return now_s >= self._look_s - 1e-9 and not self.cancelled
+
+    def look_again(self, in_s: float) -> None:
+        """Let the next look be due so long after the last one was [s]."""
+        self._look_s += in_s
 
     def interrupt(self, why: tuple[Phase, str] | None) -> tuple[Phase, str] | None:
         """Come to rest along the path; return `why`, how it ends, at rest. None before, or while that is unknown."""

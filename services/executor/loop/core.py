@@ -176,6 +176,16 @@ class LoopCore:
             self.act.cancel()
             self.fingers.freeze()
 
+    @property
+    def look_due(self) -> bool:
+        """Whether somebody has to look at the running motion now."""
+        return self.act is not None and self.act.look_due(self.state.time)
+
+    def look_again(self, key: str, in_s: float) -> None:
+        """Let the next look at the running motion (only if it has this key) be due `in_s` [s] after this one."""
+        if self.look_due and self.act is not None and key == self.act.motion.key:
+            self.act.look_again(in_s)
+
     def pause(self, paused: bool = True) -> None:
         """Bring the running motion to rest along its path, or let it go on from there."""
         if self.act is not None:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED
-from services.executor.loop.program import Cancel, Mode, Motion, Release, Report
+from services.executor.loop.program import Cancel, LookAgain, Mode, Motion, Release, Report
 from services.executor.loop.slots import Counters, LoopFile, packed
 from velma.sim.backend import State
 
 Array = NDArray[np.float64]
-LoopCommand = Motion | Cancel | Release
+LoopCommand = Motion | Cancel | LookAgain | Release
 
 
 class LoopState(msgspec.Struct, frozen=True):
@@ -65,11 +65,15 @@ class LoopState(msgspec.Struct, frozen=True):
 
 
 class Told(msgspec.Struct, frozen=True):
-    """The loop's answer: number of the last command taken, its refusal if any, the report of the motion."""
+    """The loop's answer: number of the last command taken, its refusal if any, the report of the motion.
+
+    `look`: a look at the motion is due; the state that was published before this is that of its time.
+    """
 
     taken: int = 0
     refusal: str = ""
     report: Report = Report()
+    look: bool = False
 
 
 class Timing(msgspec.Struct, frozen=True):

@@ -4,6 +4,10 @@
 asked of the robot: every 20 ms its time passes, and it is shown every 0.1 s.
 `--speed max`: simulated time goes on only while something happens, as fast as possible; between acts it stands still.
 
+At a motion that is to be looked at, the loop says when a look is due. In real time the motion goes on meanwhile; where
+looks take longer than the time between two, there are as many as the machine holds. At `--speed max` time stands still
+until the look is answered, or the motion is cancelled: there are as many in a simulated second as were asked for.
+
 The agent sends heartbeats during an act. If one is late, the arms come to rest along their path and go on with the
 next one (at `--speed max` time stands still meanwhile). If none comes for long, the act is interrupted. A cancelled act
 needs no heartbeat. Silence is counted in turns, so suspending a machine with agent and loop does not count.
@@ -17,7 +21,7 @@ import msgspec
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink, LoopState, Told
 from services.executor.loop.memory import Keeper
-from services.executor.loop.program import Cancel, Motion, Phase, Release
+from services.executor.loop.program import Cancel, LookAgain, Motion, Phase, Release
 from services.executor.loop.stillness import Stillness
 from services.executor.loop.timing import Pacer
 from velma.sim.truth import TruthReader
@@ -80,7 +84,7 @@ class LoopProcess:
                 self._rest(self._still)
             else:
                 self._cycle()
-        elif self.core.busy and not self._late:
+        elif self.core.busy and not self._late and not self.core.look_due:
             self._pacer.go()
             self._cycle()
         else:
@@ -139,6 +143,8 @@ class LoopProcess:
                 self._hear()  # a motion counts as a heartbeat
             case Cancel():
                 self.core.cancel(command.key)
+            case LookAgain():
+                self.core.look_again(command.key, command.in_s)
             case Release() if self._link.held:
                 refusal = "a person has stopped the robot, and releases it"
             case Release():
@@ -171,7 +177,7 @@ class LoopProcess:
 
     def _show(self) -> None:
         core = self.core
-        if core.report is not self._told.report or core.mode is not self._shown:
+        if core.report is not self._told.report or core.mode is not self._shown or core.look_due != self._told.look:
             self._publish()
         elif core.cycles % SHOW_EVERY == 0:
             self._show_state()
@@ -187,7 +193,8 @@ class LoopProcess:
         self._keep()
         self._show_state()
         self._show_truth()
-        self._told, self._shown = msgspec.structs.replace(self._told, report=self.core.report), self.core.mode
+        told, core = self._told, self.core
+        self._told, self._shown = msgspec.structs.replace(told, report=core.report, look=core.look_due), core.mode
         self._link.show("told", self._told)
         self._link.show("timing", self._pacer.timing())
 

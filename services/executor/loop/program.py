@@ -93,6 +93,7 @@ class Motion(msgspec.Struct, frozen=True, tag=True):
     Payload None: no change. The tolerance is a hand's largest distance from its path [m]; `contact_m` is how
     much further than at the start the set-point of the hand `contact_side` must be below the hand to count as contact.
     `tare`: side of the hand that is empty, at rest and free at the start, so that its wrist feels its own weight only.
+    `look_every_s`: the first look at the motion under way is due after so long [s, simulated]; 0: nobody looks.
     """
 
     key: str
@@ -108,6 +109,7 @@ class Motion(msgspec.Struct, frozen=True, tag=True):
     settle_s: Seconds = 0.0
     tolerance_m: Metres = 0.1
     tare: Literal["", "right", "left"] = ""
+    look_every_s: Seconds = 0.0
 
     def path(self) -> Array:
         """Return the knots (n, 15) [rad], read-only."""
@@ -126,6 +128,16 @@ class Cancel(msgspec.Struct, frozen=True, tag=True):
     """End the motion with this key smoothly; any other one goes on. None: end whichever runs."""
 
     key: str | None
+
+
+class LookAgain(msgspec.Struct, frozen=True, tag=True):
+    """The answer to a look at the motion with this key: it goes on, the next look is due after `in_s` [s, simulated].
+
+    Counted from when the last one was due.
+    """
+
+    key: str
+    in_s: Seconds
 
 
 class Release(msgspec.Struct, frozen=True, tag=True):

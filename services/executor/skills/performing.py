@@ -19,7 +19,7 @@ from services.executor.skills import SKILLS, motions, senses
 from services.executor.skills.evidence import evidence
 from services.executor.skills.looking import MORE_LOOKS
 from services.executor.skills.situation import Situation
-from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill
+from services.executor.skills.skill import Asked, Cancelled, NotPossible, Sensed, Skill
 from velma import names
 from velma.control.cartesian import GRAVITY, CartesianGains
 from velma.control.grip import Grip
@@ -31,7 +31,7 @@ IN_HAND_M = 0.05  # nearer to its place in the hand, a thing is in it (estimate:
 OPEN_BY, OPEN_SPEED = 0.45, 2.0  # [rad], [rad/s]: half open within 0.25 s, so that it is told at once; estimates
 _MOVES_A_THING = (rc.MoveJoint, rc.MoveCartesian, rc.Pour)
 Names = Collection[str]
-Performance = Generator[Motion, Sensed, rc.Done | rc.NotDone]
+Performance = Generator[Asked, Sensed, rc.Done | rc.NotDone]
 
 
 def perform(here: Situation, command: rc.Act) -> Performance:
@@ -48,7 +48,8 @@ def _carried_out(here: Situation, command: rc.Act) -> Performance:
     try:
         motion = next(skill)
         while True:
-            sensed, known = (yield motion), {side: held.T_grip_object for side, held in here.held.items()}
+            known = {side: held.T_grip_object for side, held in here.held.items()}
+            sensed = yield from _to_its_end(skill, motion)
             take(here, sensed)
             sights.update({s.name: s for s in sensed.sights})
             if sensed.ended == Phase.CANCELLED:
@@ -76,6 +77,14 @@ def _carried_out(here: Situation, command: rc.Act) -> Performance:
     if not kind and (why := here.astray()):
         kind = rc.NotDoneKind.REPLAN
     return ended(here, sights, command.key, kind, why, began) if kind else _done(here, sights, command, sensed, began)
+
+
+def _to_its_end(skill: Skill, motion: Asked) -> Generator[Asked, Sensed, Sensed]:
+    """Run a motion of a skill, which answers the looks at it, and return what is sensed at its end."""
+    sensed = yield motion
+    while sensed.ended == Phase.RUNNING:
+        sensed = yield skill.send(sensed)
+    return sensed
 
 
 def _unfelt(here: Situation, command: rc.Act, sensed: Sensed) -> list[str]:

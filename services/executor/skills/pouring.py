@@ -1,5 +1,6 @@
 """The skill that pours: the tilt is solved again for the poses of jar and bowl as they are seen now.
 
+While it is tilted, the eyes look at the destination, and the jar goes back if that is not there any more (watching.py).
 The jar is weighed in the same posture before and after: what left it was felt. With much still in it, it is tilted once
 more, farther. A pour that goes on after an interruption adds what left in the earlier tilts; what is taken out of the
 jar between two tilts was not poured. What left may have fallen beside: at last the hand is drawn back, and the
@@ -23,7 +24,19 @@ from services.executor.skills.looking import REST_S, missed
 from services.executor.skills.moving import joining, straight
 from services.executor.skills.senses import require
 from services.executor.skills.situation import Situation
-from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill, empty, failed, missing, replan
+from services.executor.skills.skill import (
+    Asked,
+    Cancelled,
+    NotPossible,
+    Sensed,
+    Skill,
+    despite_cancel,
+    empty,
+    failed,
+    missing,
+    replan,
+)
+from services.executor.skills.watching import LOOK_EVERY_S, Watch
 from velma import names
 from velma.control.grip import Grip
 from velma.kinematics import ik
@@ -149,22 +162,51 @@ def _judge(here: Situation, command: rc.Pour, begun: Unfinished, rim: np.ndarray
 
 def _tilted(
     here: Situation, command: rc.Pour, flow: Stream, tilt: list[np.ndarray]
-) -> Generator[Motion, Sensed, Sensed]:
-    """Tilt, hold, and turn back along the same way; return what is felt then."""
-    rim = flow.rim
-    here.filled.add(command.destination)
+) -> Generator[Asked, Sensed, Sensed]:
+    """Tilt, hold, and turn back along the same way; return what is felt then.
+
+    Raises missing or replan if the destination is not as it was when the tilt began.
+    """
+    rim, watch = flow.rim, Watch(here, command.destination, command.side, flow.rim_radius)
+    tilting = motions.along(
+        here, command.key, tilt[1:], TILT_SPEED, watch=rim, settle_s=command.hold, look_every_s=LOOK_EVERY_S
+    )
     try:
-        yield motions.along(here, command.key, tilt[1:], TILT_SPEED, watch=rim, settle_s=command.hold)
+        yield from watch.during(tilting)
     except (Cancelled, NotPossible):
-        reached = int(np.argmin([np.abs(x - here.q).max() for x in tilt]))
-        back = tilt[: reached + 1][::-1]
-        _interrupt(
-            here, command, (yield motions.along(here, command.key, back, BACK_SPEED, watch=rim, settle_s=WEIGH_S))
-        )
-        raise
+        if not watch.why:
+            _interrupt(here, command, (yield _upright(here, command, tilt, rim)))
+            raise
+    finally:
+        here.filled.add(command.destination)
+    if watch.why:
+        after = yield from despite_cancel(lambda: _upright(here, command, tilt, rim))
+        _interrupt(here, command, after)
+        yield from _blame(here, command, watch, after)
     rest = motions.payload(command.side, command.empty_mass, here.held[command.side].T_grip_object)
     # A cancel from here on changes nothing: the jar goes upright either way.
     return (yield motions.along(here, command.key, tilt[::-1][1:], BACK_SPEED, watch=rim, settle_s=WEIGH_S, **rest))
+
+
+def _upright(here: Situation, command: rc.Pour, tilt: list[np.ndarray], rim: np.ndarray) -> Motion:
+    """Return the way back from somewhere in a tilt."""
+    reached = int(np.argmin([np.abs(x - here.q).max() for x in tilt]))
+    return motions.along(here, command.key, tilt[: reached + 1][::-1], BACK_SPEED, watch=rim, settle_s=WEIGH_S)
+
+
+def _blame(here: Situation, command: rc.Pour, watch: Watch, after: Sensed) -> Skill:
+    """Raise what was wrong with the destination during a tilt; look for it once more if it was not seen then."""
+    name = command.destination
+    if watch.gone and not _shown(name, after):
+        again = yield motions.still(here, command.key, watch=here.seen[name].translation, settle_s=REST_S)
+        if not _shown(name, again):
+            here.give_up(name)
+            raise missing(f"{name} is not where it was: {watch.why}")
+    raise replan(watch.why)
+
+
+def _shown(name: str, sensed: Sensed) -> bool:
+    return name in {sight.name for sight in sensed.sights}
 
 
 def _much_left(here: Situation, command: rc.Pour, after: Sensed) -> bool:

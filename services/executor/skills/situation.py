@@ -21,6 +21,7 @@ from velma import names
 from velma.eyes.lens import HEIGHT, WIDTH, lens
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
+from velma.kinematics.shapes import Cylinder
 from velma.model.kinds import DOORS
 
 SURE_M = 1.3  # markers of all things are read from there: 1.00 up to 1.1 m, 0.92 to 1.5 m (trial, docs/eyes.md)
@@ -35,6 +36,8 @@ SAME_RAD, SAME_M = 0.03, 0.02
 `env2`, 113 looks at a held thing) it was 0.019 rad and 13 mm; in all, a jar turned by up to 0.04 rad."""
 LEVER_M, LOOSE_M = 1.0, 0.01  # by which a joint's error shifts a hand [m/rad], an arm's length; beside it (estimates)
 IN_PICTURE = 0.48  # from the middle, as a share of width and height: a white rim is needed, too (estimate)
+COLUMN_M = 0.25  # above an opening; as high as a jar is when it begins to pour (velma.kinematics.tasks.pouring)
+BESIDE_M = 0.01  # less than the opening's radius: what is seen again is up to 8 mm elsewhere (skills/moving.py)
 TINY = 1e-9  # above the rounding of a marker that faces along the z axis
 MARGIN_M = 0.002  # pl plans with 6 mm; the difference is for poses that are seen again (estimate)
 
@@ -165,17 +168,26 @@ class Situation:
         `at`: its pose in the world, also in a hand; None: as it was seen to stand. Markers inside a vessel may be
         covered by its content.
         """
-        if at is None and not self._stands(name):
-            return False
-        eye, pose = self._eye(self.q), self.seen[name] if at is None else at
-        return sum(self._shown(name, at, eye) for at in self._markers_at(name, pose)) >= SURE_MARKERS
+        return len(self.in_view(name, at)) >= SURE_MARKERS
 
-    def _markers_at(self, name: str, pose: pin.SE3) -> Iterator[Array]:
-        """Yield the corners (4, 3) [m, world] of each marker of a thing at this pose that no content covers."""
+    def in_view(self, name: str, at: pin.SE3 | None = None) -> frozenset[int]:
+        """Return which markers of a thing would be read from here: they face the eyes, and nothing known hides them.
+
+        `at`, and markers inside a vessel: as of `surely_seen`. None for a thing of which it is not known where it is.
+        """
+        if at is None and not self._stands(name):
+            return frozenset()
+        eye, pose = self._eye(self.q), self.seen[name] if at is None else at
+        return frozenset(number for number, at in self._markers_at(name, pose) if self._shown(name, at, eye))
+
+    def _markers_at(self, name: str, pose: pin.SE3) -> Iterator[tuple[int, Array]]:
+        """Yield the number and the corners (4, 3) [m, world] of each marker of a thing at this pose that no content
+        covers.
+        """
         covered = name in self.filled or self.contents.get(name, 0.0) > 0.0
-        for corners in self.markers.get(name, ()):
+        for number, corners in enumerate(self.markers.get(name, ())):
             if not (covered and _inwards(corners)):
-                yield corners @ pose.rotation.T + pose.translation
+                yield number, corners @ pose.rotation.T + pose.translation
 
     def _shown(self, name: str, corners: Array, eye: Array) -> bool:
         """Whether a marker of a thing is surely read, if it is in the picture."""
@@ -185,9 +197,22 @@ class Situation:
         """Whether enough markers of furniture are in the picture from here, and nothing hides them."""
         camera = self.robot.camera(float(self.q[names.TORSO]), *self.head)
         still = (name for name, model in self.models.items() if name in self.seen and _still(model))
-        corners = ((name, at) for name in still for at in self._markers_at(name, self.seen[name]))
+        corners = ((name, at) for name in still for _, at in self._markers_at(name, self.seen[name]))
         sure = (at for name, at in corners if _framed(at, camera) and self._shown(name, at, camera.translation))
         return len(list(islice(sure, SURE_MARKERS))) == SURE_MARKERS
+
+    def above(self, name: str, at: pin.SE3 | None = None) -> frozenset[str]:
+        """Return which things, beside those in hands, reach into the column above a thing's opening.
+
+        `at`: pose of the thing, None: as it was seen. None for a thing without an opening.
+        """
+        hole = models.MODELS[self.models[name]].hole
+        if hole is None or (at is None and name not in self.seen):
+            return frozenset()
+        column = Cylinder(hole.radius - BESIDE_M, COLUMN_M)
+        middle = (self.seen[name] if at is None else at).act(np.array(hole.centre))
+        middle[2] += COLUMN_M / 2.0
+        return frozenset(self.world.inside(column, pin.SE3(np.eye(3), middle))) - {name}
 
     def _stands(self, name: str) -> bool:
         """Whether it is known where a thing is, and no hand holds it."""

@@ -1,5 +1,8 @@
 """A skill: a generator that yields motions of the loop and takes the Sensed of each.
 
+At a motion that is to be looked at, it gets a Sensed now and then that has not `ended` (Phase.RUNNING), and yields what
+to do: LookAgain, or Cancel to bring the motion to rest. Whether anybody looks is not sure; the end of a motion is.
+
 A skill neither waits nor reads a clock, so the same one runs in one process, in the skill process and in tests. It
 returns when the act is done, or raises NotPossible with kind and reason.
 """
@@ -10,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.languages import rc
-from services.executor.loop.program import GripReport, Motion
+from services.executor.loop.program import Cancel, GripReport, LookAgain, Motion
 from services.executor.sight import Sight
 
 
 @dataclass(frozen=True)
 class Sensed:
-    """After a motion: how it ended, set-point q and measured joints (15,) [rad], touches, grips, sights.
+    """After or during a motion: how it ended, set-point q and measured joints (15,) [rad], touches, grips, sights.
 
     `wrong`, `off`: of the eyes that had these sights (services.executor.sight.Eye).
     """
@@ -37,7 +40,8 @@ class Sensed:
 
 SLIPS = 3  # estimate: a bowl that is tilted settles once or twice in the fingers (seen on the way to a free spot)
 
-Skill = Generator[Motion, Sensed, None]
+Asked = Motion | LookAgain | Cancel
+Skill = Generator[Asked, Sensed, None]
 
 
 class NotPossible(Exception):

@@ -22,13 +22,13 @@ GRASP = rc.Grasp("g1", Side.LEFT, "jar_1", "g", (rc.ApproachPoint(Pose((0.0, 0.0
 class Scene:
     """ex and a scripted ta."""
 
-    def __init__(self) -> None:
+    def __init__(self, looks: bool = False) -> None:
         self.wires, self.world = Wires(), World()
         self.heard: list[tuple[int, str, Any]] = []
         self.wires.add(partner("ta", self.heard), wiring("ta", "test"))
 
         def robot(post: Any) -> Robot:
-            return Robot(post, self.world, lambda delay, call: self.wires._at(self.wires.now + delay, call))
+            return Robot(post, self.world, lambda delay, call: self.wires._at(self.wires.now + delay, call), looks)
 
         self.wires.add(behaviours.agent(), wiring("ex", "test"), robot)
 
@@ -104,11 +104,19 @@ def test_a_key_is_begun_once(scene: Scene) -> None:
     assert "never started again" in scene.last.reason
 
 
+def test_an_act_that_is_looked_at() -> None:
+    """Each motion once; the act is done as any other."""
+    scene = Scene(looks=True)
+    scene.ask(GRASP)
+    scene.until("agree", "inform")
+    assert (scene.world.looks, scene.world.begun) == (2, ["g1", "g1"])
+
+
 @pytest.mark.parametrize("point", list(Point))
-@pytest.mark.parametrize("step", range(1, 12))
-def test_a_death_in_an_act(point: Point, step: int) -> None:
+@pytest.mark.parametrize(("looks", "step"), [*((False, k) for k in range(1, 12)), *((True, k) for k in range(5, 16))])
+def test_a_death_in_an_act(point: Point, looks: bool, step: int) -> None:
     """The act is done once or unknown, it is never begun again, and what ex holds it still knows."""
-    scene = Scene()
+    scene = Scene(looks)
     scene.wires.run(lambda: scene.wires.nodes["ex"].state is not None and scene.wires.nodes["ex"].state.state == "idle")
     scene.wires.crash("ex", point, in_steps=step)
     scene.ask(GRASP)

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from services.executor import loop_device
-from services.executor.local import Brake, Do, Felt, Halt, Lost, Moved, Stands, Where
+from services.executor.local import Brake, Do, Felt, GoOn, Halt, Lost, Moved, Passing, Stands, Where
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.process import LoopProcess, Speed
 from services.executor.loop.program import Mode, Phase, Release, motion
+from services.executor.loop.slots import Counters
 from services.executor.loop.timing import Pacer
 from services.executor.loop_device import LoopDevice
 from services.executor.telemetry import robot_state
@@ -141,6 +142,54 @@ def test_a_motion_is_braked(turned: Turned, reach: LoopDevice, heard: Heard) -> 
     word = heard.next()
     assert isinstance(word, Moved)
     assert word.felt.ended == "cancelled"
+
+
+def test_a_motion_is_looked_at(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
+    """At speed max exactly as often as is asked for, whatever the answers take; after the last one it is done."""
+    felt = where(reach, heard)
+    reach.tell(Do(1, motion("a", path(felt, 1.0), look_every_s=0.25)))
+    at = []
+    while isinstance(word := heard.next(), Passing):
+        assert (word.number, word.felt.ended) == (1, "running")
+        at.append(word.felt.time - felt.time)
+        reach.tell(GoOn(1, "a", 0.25))
+    assert isinstance(word, Moved)
+    assert word.felt.ended == "done"
+    assert np.diff(at) == pytest.approx(0.25, abs=0.003)
+    assert len(at) >= 4
+
+
+def test_a_look_may_take_long(turned: Turned, reach: LoopDevice, heard: Heard, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Longer than a loop may stand still; it is asked for once, and the loop is not taken for dead."""
+    monkeypatch.setattr(loop_device, "SILENT_S", 0.05)
+    felt = where(reach, heard)
+    reach.tell(Do(1, motion("a", path(felt, 0.5), look_every_s=0.3)))
+    assert isinstance(heard.next(), Passing)
+    beats = Counters(AgentLink(turned.path).file.slots["beat"], 1)
+    first = beats.read()[0]
+    until(lambda: beats.read()[0] > first + 20)
+    assert heard.words.empty()
+    reach.tell(GoOn(1, "a", 60.0))
+    word = heard.next()
+    assert isinstance(word, Moved), word
+
+
+def test_a_look_brakes_the_motion(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
+    """A late answer to it does not touch the next motion of the same act."""
+    felt = where(reach, heard)
+    reach.tell(Do(1, motion("a", path(felt, 20.0), look_every_s=0.3)))
+    assert isinstance(heard.next(), Passing)
+    reach.tell(Brake(1, "a"))
+    word = heard.next()
+    assert isinstance(word, Moved)
+    assert word.felt.ended == "cancelled"
+    assert word.felt.time - felt.time < 1.0
+    reach.tell(Brake(1, "a"))
+    reach.tell(GoOn(1, "a", 0.1))
+    reach.tell(Do(1, motion("a", path(word.felt, 0.3))))
+    word = heard.next()
+    assert isinstance(word, Moved)
+    assert word.felt.ended == "done"
 
 
 def test_a_refused_motion_has_failed(turned: Turned, reach: LoopDevice, heard: Heard) -> None:

@@ -15,7 +15,25 @@ from companion.languages.values import Pose, Side
 from fipa_codec.performatives import Performative as P
 from services.executor import behaviours
 from services.executor.behaviours import SKILL_WITHIN_S
-from services.executor.local import Brake, Crashed, Do, Drop, Ended, Felt, Halt, Lost, Move, Perform, Stands, Where
+from services.executor.local import (
+    Brake,
+    Crashed,
+    Do,
+    Drop,
+    Ended,
+    Feel,
+    Felt,
+    Glance,
+    GoOn,
+    Halt,
+    Lost,
+    Move,
+    Moved,
+    Passing,
+    Perform,
+    Stands,
+    Where,
+)
 from services.executor.loop.program import motion
 from services.executor.remembered import Holding, Remembered
 
@@ -134,6 +152,9 @@ def test_the_skill_gets_the_act_and_how_the_robot_stands() -> None:
         Move(OTHER, MOTION, 3.0, KEPT),
         Ended(OTHER, KEPT.not_done("m0", "failed", "old"), KEPT),
         Lost(OTHER, "old"),
+        Passing(OTHER, FELT),
+        GoOn(OTHER, "m1", 0.25),
+        Brake(OTHER, "m1"),
     ],
 )
 def test_words_of_another_act_change_nothing(state: str, word: Any) -> None:
@@ -185,6 +206,37 @@ def test_an_act_whose_skill_gives_no_motion_is_interrupted(event: Event, reason:
     assert one.tells == [Drop(1)]
     assert one.state.state == "idle"
     assert one.state.wakes == {}
+
+
+@pytest.mark.parametrize("state", [acting, stopping])
+@pytest.mark.parametrize("answer", [GoOn(1, "m1", 0.25), Brake(1, "m1")])
+def test_a_look_at_a_motion_is_the_skills(state: Callable[[], Driven], answer: Any) -> None:
+    """It gets what the loop felt, and its answer is the loop's; nothing is written into ex's memory by that."""
+    one = state()
+    memory = one.state.memory
+    one.step(Local(Passing(1, FELT)))
+    assert one.tells == [Glance(1, FELT)]
+    one.step(Local(answer))
+    assert one.tells == [answer]
+    assert one.state.memory == memory
+
+
+def ended(phase: str) -> Felt:
+    """What the loop felt at the end of a motion."""
+    return msgspec.structs.replace(FELT, ended=phase)
+
+
+def test_a_cancel_after_a_skill_braked_by_itself_is_told_to_it() -> None:
+    """The end of the braked motion was no word of a cancel; that of the next one is."""
+    one = acting()
+    one.step(Local(Brake(1, "m1")))
+    one.step(Local(Moved(1, ended("cancelled"))))
+    assert one.tells == [Feel(1, ended("cancelled"))]
+    one.step(Local(Move(1, MOTION, 3.0, KEPT)))
+    cancel(one, "t1")
+    assert one.tells == [Brake(1, "m1")]
+    one.step(Local(Moved(1, ended("done"))))
+    assert one.tells == [Feel(1, ended("cancelled"))]
 
 
 def test_a_skill_that_ends_without_a_motion_is_the_outcome() -> None:

@@ -19,7 +19,7 @@ from services.executor.loop.backends import PARTS
 from services.executor.loop.link import AgentLink, StopLink
 from services.executor.loop.memory import MEMORY
 from services.executor.loop.process import Speed
-from services.executor.loop.program import Cancel, Mode, Phase, Release, motion
+from services.executor.loop.program import Cancel, LookAgain, Mode, Phase, Release, motion
 from services.executor.loop.timing import Histogram, Pacer
 from services.human_interface.server import HttpDevice
 from velma.errors import SlotError
@@ -101,6 +101,72 @@ def test_a_cancel_reaches_the_motion(pair):
     agent.send(Cancel("up"))
     turn(loop, agent)
     assert agent.told().report.phase is Phase.CANCELLED
+
+
+def until_told(loop, agent, seen, most=2000):
+    """Turn while the agent lives, until it is told what is `seen`; return the state of that time."""
+    for _ in range(most):
+        if seen(agent.told()):
+            return agent.state()
+        agent.beat()
+        loop.turn()
+    raise AssertionError("it was not told")
+
+
+def looked_at(tmp_path, speed):
+    """A loop in a motion of 2 s with a look every 0.5 s, its agent, and when it began."""
+    loop = build(tmp_path / "loop.slots", MockBackend(), speed=speed, realtime=False)
+    agent = AgentLink(tmp_path / "loop.slots")
+    began = agent.state().time_s
+    agent.send(motion("up", rise(agent.state().setpoint, 2.0), look_every_s=0.5))
+    loop.turn()
+    return loop, agent, began
+
+
+def test_time_waits_for_a_look_at_full_speed(tmp_path, clock):
+    """It is due after so long, not later; the next one so long after that as the answer says."""
+    loop, agent, began = looked_at(tmp_path, Speed.MAX)
+    for answer, due in ((LookAgain("up", 0.1), 0.5), (LookAgain("up", 0.5), 0.6), (LookAgain("up", 60.0), 1.1)):
+        state = until_told(loop, agent, lambda told: told.look)
+        assert state.time_s - began == pytest.approx(due, abs=0.003)
+        for _ in range(100):
+            agent.beat()
+            loop.turn()
+        assert agent.state().time_s == state.time_s
+        agent.send(LookAgain("another motion", 0.1))
+        loop.turn()
+        assert agent.told().look
+        agent.send(answer)
+        loop.turn()
+        assert not agent.told().look
+    turn(loop, agent)
+    assert agent.told().report.phase is Phase.DONE
+
+
+def test_in_real_time_nothing_waits_for_a_look(tmp_path, clock):
+    """Nobody answers: the motion is done in its time."""
+    loop, agent, _ = looked_at(tmp_path, Speed.REAL)
+    until_told(loop, agent, lambda told: told.look)
+    turn(loop, agent)
+    assert agent.told().report.phase is Phase.DONE
+    assert agent.told().report.time_s == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_cancel_waits_for_no_look(tmp_path, clock):
+    """Nor does the end of an act whose agent is gone."""
+    for end in ("cancel", "silence"):
+        (tmp_path / end).mkdir()
+        loop, agent, _ = looked_at(tmp_path / end, Speed.MAX)
+        until_told(loop, agent, lambda told: told.look)
+        if end == "cancel":
+            agent.send(Cancel("up"))
+            turn(loop, agent)
+            assert agent.told().report.phase is Phase.CANCELLED
+        else:
+            silent(loop, clock, 6.0)
+            assert agent.told().report.phase is Phase.INTERRUPTED
+            assert agent.state().mode is Mode.HOLD
+        assert not agent.told().look
 
 
 @pytest.fixture(params=[Speed.REAL, Speed.MAX])

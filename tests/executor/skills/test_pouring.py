@@ -2,21 +2,20 @@
 
 import dataclasses
 import math
-from itertools import islice
 
 import msgspec
 import numpy as np
 import pytest
 from robot import Acting
+from tilts import BOWL, JAR, LEFT, in_view
 
 from companion import models
 from companion.languages import rc
-from companion.languages.values import Side
 from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Unfinished
 from services.executor.sight import Sight
 from services.executor.skills.looking import MORE_LOOKS
-from services.executor.skills.motions import aim, turned
+from services.executor.skills.motions import turned
 from services.executor.skills.performing import perform
 from services.executor.skills.pouring import _away
 from services.executor.skills.situation import Situation
@@ -24,9 +23,8 @@ from services.executor.skills.skill import Sensed
 from velma import names
 from velma.control.grip import Grip
 from velma.kinematics.frames import standing
-from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, Tilting, tiltings
+from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT
 
-JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
 FULL, HALF, EMPTY = 0.26, 0.23, 0.20  # [kg] the jar of the canonical scene with all, half, none of its content
 BEFORE, TILTED, LOOK = 0, 1, 4  # motions of a pour; the number of the one with the look into the bowl
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
@@ -35,24 +33,8 @@ pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes
 @pytest.fixture
 def over_the_bowl(jar_out: Acting) -> tuple[Situation, rc.Pour]:
     """The jar is in the left hand, the bowl on the nearest table, and this is a pour that is possible there."""
-    here = jar_out.here
-    table = here.seen["table_1"].translation
-    here.place(BOWL, standing(np.array([table[0], table[1] + 0.25, 0.78 - models.MODELS[jar_out.things[BOWL]].base.z])))
-    rim, opening = (models.MODELS[jar_out.things[name]].hole for name in (BOWL, JAR))
-    flow = Stream(here.seen[BOWL].act(np.array(rim.centre)), rim.radius, opening.centre[2])
-    found = tiltings(
-        here.robot, here.world, LEFT, here.q, here.held[LEFT].T_grip_object, flow, np.random.default_rng(1)
-    )
-    tilting = next(one for one in islice(found, 20) if _in_view_below(here, one, flow.rim))
-    return here, rc.Pour("pour", LEFT, JAR, BOWL, tilting.azimuth, tilting.spin, (FIRST_TILT, LAST_TILT), 1.0, EMPTY)
-
-
-def _in_view_below(here: Situation, tilting: Tilting, rim: np.ndarray) -> bool:
-    """Whether the bowl is surely seen below the jar; the robot stands there, and looks at the rim."""
-    here.q = tilting.path[0].copy()
-    goal = aim(float(here.q[names.TORSO]), rim)
-    here.head = (goal.pan, goal.tilt)
-    return here.surely_seen(BOWL)
+    pour = in_view(jar_out)
+    return jar_out.here, pour
 
 
 def poured(

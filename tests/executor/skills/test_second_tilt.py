@@ -1,25 +1,17 @@
 """A jar that clogs in its first tilt is tilted again, and farther: true loop, simulated physics."""
 
 import mujoco
-import numpy as np
 import pytest
 from robot import Acting
+from tilts import BOWL, JAR, brought
 
-from companion import models
 from companion.languages import rc
-from companion.languages.values import Side
 from services.executor.loop.core import LoopCore
-from velma.kinematics import motion
-from velma.kinematics.frames import standing
-from velma.kinematics.tasks.carrying import upright
-from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, tiltings
 from velma.sim.truth import TruthReader
 
-JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
-GRAIN_KG, EMPTY_KG = 0.002, 0.2  # velma/model/objects.yaml
+GRAIN_KG = 0.002  # velma/model/objects.yaml
 CLOGGED, UPRIGHT_DEG = 20, 80.0
 CLOG_M = 0.17  # near the opening
-SPILLS_NOTHING = np.radians(40.0)  # largest tilt on the way to the bowl
 
 
 class Clog:
@@ -54,23 +46,7 @@ class Clog:
 @pytest.fixture
 def over_the_bowl(jar_out: Acting) -> tuple[Acting, rc.Pour]:
     """The jar is held over the bowl, which somebody put on the nearest table; and the pour that is possible there."""
-    here, data = jar_out.here, jar_out.core.backend.data
-    table = here.seen["table_1"].translation
-    place = standing(np.array([table[0], table[1] + 0.25, table[2] + 0.78]))
-    here.place(BOWL, place)
-    at = jar_out.core.backend.model.joint(BOWL).qposadr[0]
-    data.qpos[at : at + 7] = (*place.translation, 1.0, 0.0, 0.0, 0.0)
-    rim, opening = (models.MODELS[jar_out.things[name]].hole for name in (BOWL, JAR))
-    flow = Stream(place.act(np.array(rim.centre)), rim.radius, opening.centre[2])
-    held, rng = here.held[LEFT].T_grip_object, np.random.default_rng(1)
-    keep = upright(here.robot, LEFT, held, SPILLS_NOTHING)
-    for tilting in tiltings(here.robot, here.world, LEFT, here.q, held, flow, rng):
-        way = motion.plan(here.robot, here.world, LEFT, here.q, tilting.path[0], keep=keep)
-        if way is not None:
-            jar_out.done(jar_out.move(LEFT, way.path[1:]))
-            tilts = (FIRST_TILT, LAST_TILT)
-            return jar_out, rc.Pour("pour", LEFT, JAR, BOWL, tilting.azimuth, tilting.spin, tilts, 1.0, EMPTY_KG)
-    raise AssertionError("no way to a tilt")
+    return jar_out, brought(jar_out)
 
 
 @pytest.mark.long
