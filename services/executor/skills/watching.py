@@ -56,6 +56,8 @@ class Watch:
     def _judge(self, sensed: Sensed) -> None:
         here = self._here
         here.q, here.head, here.time = sensed.measured.copy(), sensed.head, sensed.time
+        if sensed.wrong or sensed.off:  # a camera or joints that are not well tell nothing of the thing
+            return
         if tilt(here.robot.grip(here.q, self._side) * here.held[self._side].T_grip_object) > FLOWS:
             here.filled.add(self._name)
         for sight in sensed.sights:

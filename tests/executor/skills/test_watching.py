@@ -1,6 +1,7 @@
 """The bowl is watched while the jar is tilted over it. What the eyes see is made up, the tilt in physics is not."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -19,6 +20,7 @@ from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Sensed
 from services.executor.skills.watching import DOUBT_S, LOOK_EVERY_S
 from velma.control.grip import Grip
+from velma.eyes import health
 from velma.kinematics.frames import standing
 from velma.sim.truth import TruthReader
 
@@ -39,10 +41,12 @@ def over(jar_out: Acting) -> Tilt:
     return jar_out.here, pour
 
 
-def looked(here: Situation, pour: rc.Pour, see: See, looks: int = 8) -> tuple[list[object], rc.Done | rc.NotDone]:
+def looked(
+    here: Situation, pour: rc.Pour, see: See, looks: int = 8, wrong: str = ""
+) -> tuple[list[object], rc.Done | rc.NotDone]:
     """Perform a pour whose tilt is looked at so often, at rest in its first posture; return answers and outcome.
 
-    `see`: what the eyes see at the n-th look; after the tilt, what they saw last.
+    `see`: what the eyes see at the n-th look; after the tilt, what they saw last. `wrong`: with the camera in the tilt.
     """
     work, answers, last = perform(here, pour), list[object](), list[Sight]()
     try:
@@ -53,7 +57,7 @@ def looked(here: Situation, pour: rc.Pour, see: See, looks: int = 8) -> tuple[li
             ended = "done"
             for n in range(looks if motion.look_every_s else 0):
                 last = see(here, n)
-                answers.append(work.send(_sensed(here, upright, str(Phase.RUNNING), last)))
+                answers.append(work.send(replace(_sensed(here, upright, str(Phase.RUNNING), last), wrong=wrong)))
                 if isinstance(answers[-1], Cancel):
                     ended = "cancelled"
                     break
@@ -101,6 +105,12 @@ def test_an_undisturbed_bowl_is_looked_at_and_nothing_else_happens(over: Tilt) -
     assert LOOK_EVERY_S <= 0.5
     answers, _ = looked(*over, lambda here, n: aside(here, 0.005 * (-1) ** n))
     assert answers == [LookAgain("pour", LOOK_EVERY_S)] * len(answers)
+
+
+def test_a_camera_that_is_not_well_tells_nothing_of_the_bowl(over: Tilt) -> None:
+    """A picture that went dark is no bowl that went."""
+    answers, _ = looked(*over, lambda here, n: [], wrong=health.Wrong.DARK)
+    assert is_tilted_on(answers)
 
 
 @pytest.mark.parametrize(
