@@ -151,6 +151,19 @@ def test_a_loss_is_said_at_once_and_looked_after(kind: str) -> None:
     assert wm.LostObject("jar_1", Side.LEFT) in told
 
 
+def test_a_look_afterwards_that_does_not_see_says_so() -> None:
+    """With why there was a look at all."""
+    scene = Scene()
+    scene.start(plan(hfsm.ActState("home", HOME)))
+    scene.hears("ex", 1)
+    scene.ex(P.FAILURE, rc.NotDone("plan/1", rc.NotDoneKind.EMPTY, "it closed on nothing", BODY))
+    look = scene.hears("ex", 2)
+    dark = rc.Ill(rc.Sense.CAMERA, rc.Fault.DARK)
+    scene.ex(P.FAILURE, rc.NotDone(look.key, rc.NotDoneKind.FAILED, "nothing is seen", BODY, ill=(dark,)), number=1)
+    told = scene.hears("co", 3).reason
+    assert told.startswith("it closed on nothing; the camera does not see: it shows a dark picture")
+
+
 def test_what_is_missing_is_said_at_once_and_looked_for() -> None:
     """A look that was done, and showed that the bowl is not there: km hears so, the robot looks around, plans again."""
     scene, at = Scene(), Pose((1.0, 0.0, 0.0))
