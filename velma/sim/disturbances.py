@@ -56,40 +56,46 @@ class Kind(StrEnum):
 
 
 class Row(msgspec.Struct, frozen=True):
-    """One kind of disturbance. `by`: its size where none is said; `unit`: of that size, "" where it has none."""
+    """One kind of disturbance. `by`: its size where none is said; `unit`: of that size, "" where it has none; `most`:
+    the largest one, from which on a wrong unit is meant (estimates).
+    """
 
     by: tuple[float, ...] = ()
     unit: str = ""
+    most: float = 0.0
 
 
 _BIAS_N = 3.0  # estimate: six times the largest constant error of the scenes' wrist sensors
 _DIM = 0.12  # estimate: a room at dusk; 8 of 255 levels then tell black from white fields of a marker
 ROWS: dict[Of, dict[Kind, Row]] = {
-    Of.WRIST: {Kind.ZERO: Row(), Kind.STUCK: Row(), Kind.NAN: Row(), Kind.BIAS: Row((_BIAS_N,), "N on each axis")},
+    Of.WRIST: {
+        Kind.ZERO: Row(),
+        Kind.STUCK: Row(),
+        Kind.NAN: Row(),
+        Kind.BIAS: Row((_BIAS_N,), "N on each axis", 100.0),
+    },
     Of.CAMERA: {
         Kind.BLACK: Row(),
         Kind.FROZEN: Row(),
-        Kind.DIMMED: Row((_DIM,), "share of the light that is left"),
+        Kind.DIMMED: Row((_DIM,), "share of the light that is left", 1.0),
         Kind.MIRRORED: Row(),
     },
-    Of.ENCODER: {Kind.BIAS: Row((0.05,), "rad"), Kind.STUCK: Row()},  # estimate: a slipped coupling
+    Of.ENCODER: {Kind.BIAS: Row((0.05,), "rad", 3.0), Kind.STUCK: Row()},  # estimate: a slipped coupling
     Of.GRIP: {Kind.STUCK: Row(), Kind.ZERO: Row()},
-    Of.JOINT: {Kind.STICKS: Row((500.0,), "Nm of dry friction")},  # more than any drive has (velma.names.TORQUE)
-    Of.FINGER: {Kind.STICKS: Row((50.0,), "Nm of dry friction")},  # as above: a finger has 1.5 Nm
+    Of.JOINT: {Kind.STICKS: Row((500.0,), "Nm of dry friction", 1e4)},  # more than any drive has (velma.names.TORQUE)
+    Of.FINGER: {Kind.STICKS: Row((50.0,), "Nm of dry friction", 1e4)},  # as above: a finger has 1.5 Nm
     Of.HANDS: {Kind.SLIPPERY: Row()},
-    Of.GRAINS: {Kind.HEAVY: Row((4.0,), "times as heavy")},  # estimate: steel in place of beans
+    Of.GRAINS: {Kind.HEAVY: Row((4.0,), "times as heavy", 100.0)},  # estimate: steel in place of beans
     Of.THING: {
-        Kind.PUSHED: Row((0.0, 0.05, 0.0), "m"),  # estimate: as far as a passing arm pushes
+        Kind.PUSHED: Row((0.0, 0.05, 0.0), "m", 0.5),  # estimate: as far as a passing arm pushes
         Kind.REMOVED: Row(),
-        Kind.TIPPED: Row((0.0, 1.0, 0.0), "direction"),
-        Kind.ADDED: Row((), "m, place"),
-        Kind.MOVED: Row((0.0, 0.05, 0.0), "m"),
+        Kind.TIPPED: Row((0.0, 1.0, 0.0), "direction", 10.0),
+        Kind.ADDED: Row((), "m, place", 10.0),
+        Kind.MOVED: Row((0.0, 0.05, 0.0), "m", 0.5),
     },
 }
 """What there is. A size of three numbers is a vector in the world frame."""
 SENSES = (Of.WRIST, Of.CAMERA, Of.ENCODER, Of.GRIP)
-THING_KINDS = (Kind.PUSHED, Kind.REMOVED, Kind.TIPPED, Kind.ADDED)
-"""Of things that can be taken; furniture is `moved`, in benchmarks alone."""
 FINGER_NAMES = tuple(f"{side} {finger}" for side in SIDES for finger in FINGERS)
 
 
@@ -134,22 +140,36 @@ def wrong(one: Disturbance) -> str:
         return f"{one.of} {one.kind} has no size"
     if one.by and len(one.by) != (len(row.by) or 3):
         return f"{one.of} {one.kind} by {len(one.by)} numbers; it takes {len(row.by) or 3} ({row.unit})"
+    if not all(abs(x) <= row.most for x in one.by):
+        return f"{one.of} {one.kind} by {', '.join(f'{x:g}' for x in one.by)}; at most {row.most:g} ({row.unit})"
     return ""
+
+
+def encoded(going_on: tuple[Disturbance, ...]) -> bytes:
+    """Return what the file has while this goes on."""
+    return msgspec.json.encode(going_on)
+
+
+def decoded(data: bytes) -> tuple[Disturbance, ...]:
+    """Return what stands in a file; () for one that cannot be read."""
+    try:
+        return msgspec.json.decode(data, type=tuple[Disturbance, ...])
+    except msgspec.MsgspecError:
+        return ()
 
 
 def write(path: Path, going_on: tuple[Disturbance, ...]) -> None:
     """Replace the file at once: a reader finds the old one or the new one."""
     fresh = path.with_name(f".{path.name}.{os.getpid()}")
-    fresh.write_bytes(msgspec.json.encode(going_on))
-    fresh.chmod(0o600)
+    fresh.write_bytes(encoded(going_on))
     fresh.replace(path)
 
 
 def read(path: Path) -> tuple[Disturbance, ...]:
     """Return what stands in the file; () where there is none, or one that cannot be read."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=tuple[Disturbance, ...])
-    except (OSError, msgspec.MsgspecError):
+        return decoded(path.read_bytes())
+    except OSError:
         return ()
 
 
@@ -178,7 +198,8 @@ class Orders:
 
     def look(self) -> bool:
         """Look now; whether something has begun or ended since."""
-        assert self._path is not None
+        if self._path is None:
+            return False
         try:
             found = self._path.stat()
             stamp = (found.st_ino, found.st_mtime_ns)

@@ -41,13 +41,16 @@ STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 class MujocoBackend:
-    """A simulated Velma in a scene, in the start posture with open hands."""
+    """A simulated Velma in a scene, in the start posture with open hands.
+
+    `model`: of the scene, with bodies beside that have no joint; None: compiled here.
+    """
 
     period_s = PERIOD_S
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, model: mujoco.MjModel | None = None) -> None:
         self.scene = scene
-        self.model = model = compiled(scene)
+        self.model = model = model or compiled(scene)
         sleeping.allow(model)
         self.data = mujoco.MjData(model)
         # MuJoCo would write its warnings to a file in the working folder; errors show in the numbers, which the loop
@@ -141,6 +144,12 @@ class MujocoBackend:
     def disturbed(self) -> bool:
         """Look for orders, where it is time; return whether they changed the world. Cheap."""
         return self.orders.changed() and self.disturb(self.orders.going_on)
+
+    def resume(self) -> None:
+        """Go on in a restored world: what was ordered has befallen its things already, senses are ill again."""
+        self.orders.look()
+        self._world.forget(self.orders.going_on)
+        self.disturb(self.orders.going_on)
 
     def step(self, command: Command) -> None:
         """Add the weight of the arms to the torques, set the servos, let 2 ms pass."""

@@ -34,7 +34,7 @@ class Photographs:
 
     def both(self, qpos: Array, number: int) -> tuple[Pixels, Pixels]:
         """Return the picture of a perfect camera, and the one that `take` returns."""
-        self._orders.changed()
+        self._orders.look()
         going_on = self._orders.going_on
         self._move(going_on)
         noise, clean = self._noise, self._camera.picture(qpos)

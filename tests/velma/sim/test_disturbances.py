@@ -11,6 +11,7 @@ from velma.names import ARM, BODY, HEAD, SIDES
 from velma.sim import disturbances
 from velma.sim.backend import State, no_command
 from velma.sim.disturbances import Disturbance, Kind, Of, Orders
+from velma.sim.disturbed_world import PUSH_N
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.photographs import Photographs
 from velma.sim.truth import TruthReader
@@ -133,13 +134,14 @@ def test_what_is_pushed_slides_and_stands(name):
 
 
 def test_a_push_is_stopped_by_what_stands_in_the_way():
-    """The jar is pushed by half a metre into the side of its cabinet: it is not pressed through."""
+    """The bowl is pushed by half a metre into the side of its cabinet: no harder than a hand does, and not through."""
     robot = resting()
     truth = TruthReader(robot)
     robot.disturb((one(Of.THING, Kind.PUSHED, "bowl_1", 0.0, 0.5, 0.0),))
     rotation, cabinet = truth.pose("cabinet_2")
     for _ in range(LONG):
         hold(robot, 1)
+        assert np.linalg.norm(robot.data.xfrc_applied[robot.model.body("bowl_1").id, :3]) <= PUSH_N + 1e-9
         local = rotation.T @ (truth.pose("bowl_1")[1] - cabinet)
         assert abs(local[1]) < 0.2925 - 0.055
 
