@@ -596,6 +596,9 @@ def main(
     if table:
         tables.put(PAGE, BEGIN, "\n".join(printed(lines)) + "\n", END)
         return
+    for given, there in ((cases, CASES), (acts, ACTS), (scenes, SCENES)):
+        if unknown := [one for one in given.split(",") if one not in there]:
+            raise typer.BadParameter(f"{', '.join(unknown)}: there are {', '.join(there)}")
     known = {key(line) for line in lines}
     with tempfile.TemporaryDirectory() as folder:
         os.environ[disturbances.VARIABLE] = str(Path(folder) / "disturbances.json")

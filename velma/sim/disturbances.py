@@ -123,8 +123,11 @@ ON: dict[Of, tuple[str, ...]] = {
     Of.ENCODER: (*BODY, *HEAD),
     Of.JOINT: BODY,
     Of.FINGER: FINGER_NAMES,
+    Of.CAMERA: ("",),
+    Of.HANDS: ("",),
+    Of.GRAINS: ("",),
 }
-"""What a disturbance can befall. Things are known to the scene; the other parts are one only."""
+"""What a disturbance can befall; "": all of them, or the only one. Things are known to the scene."""
 
 
 def wrong(one: Disturbance) -> str:
@@ -134,7 +137,8 @@ def wrong(one: Disturbance) -> str:
         return f"{one.of} cannot be {one.kind}; it can be {', '.join(kinds)}"
     on = ON.get(one.of)
     if on is not None and one.on not in on:
-        return f"no {one.of} at {one.on!r}; there are {', '.join(filter(None, on))}"
+        there = f"there are {', '.join(filter(None, on))}" if any(on) else f"{one.of} has no parts, name none"
+        return f"no {one.of} at {one.on!r}; {there}"
     row = kinds[one.kind]
     if one.by and not row.unit:
         return f"{one.of} {one.kind} has no size"
