@@ -247,7 +247,7 @@ TAKES = ("take", "pour", "bring", "open")
 PLACES = ("carry", "put down", "put back", "swap")
 ACTS = ("take", "carry", "put down", "put back", "pour", "open", "bring", "swap")
 KEY: dict[str, Callable[[Disturbed, rc.Act], bool]] = {
-    "take": grasps(JAR), "carry": kind(rc.MoveJoint, rc.Release), "put down": kind(rc.Release),
+    "take": grasps(JAR), "carry": carries, "put down": kind(rc.Release),
     "put back": kind(rc.Release), "pour": kind(rc.Pour), "open": kind(rc.OpenDoor), "bring": grasps(JAR),
     "swap": kind(rc.Release),
 }  # fmt: skip
@@ -255,7 +255,7 @@ KEY: dict[str, Callable[[Disturbed, rc.Act], bool]] = {
 TAKE = hfsm.Task(hfsm.TaskName.TAKE, (JAR, ""))
 TASKS: dict[str, tuple[tuple[hfsm.Task, ...], hfsm.Task]] = {
     "take": ((), TAKE),
-    "carry": ((TAKE,), hfsm.Task(hfsm.TaskName.PUT_AT, (JAR, "table"))),
+    "carry": ((), hfsm.Task(hfsm.TaskName.PUT_AT, (JAR, "table"))),
     "put down": ((TAKE,), hfsm.Task(hfsm.TaskName.PUT_DOWN, (JAR,))),
     "put back": ((TAKE,), hfsm.Task(hfsm.TaskName.PUT_AT, (JAR, BACK))),
     "pour": ((), hfsm.Task(hfsm.TaskName.POUR, (JAR, BOWL))),
@@ -414,7 +414,7 @@ CASES = {
         Case("post in the arm's way", in_the_way, when=at(REACH)),
         Case("a person's hand near", person, when=at(REACH)),
         Case("box on the place", box_on_place, (*PLACES, "pour"), at(PUTS)),
-        Case("table moved", moved(TABLE), when={"pour": PUTS}),
+        Case("table moved", moved(TABLE)),
         Case("cabinet moved", moved(CABINET), when=before(JAR)),
         Case("grains four times as heavy", does(Of.GRAINS, Kind.HEAVY), when=START),
         Case("a second jar", second_jar, when=START),

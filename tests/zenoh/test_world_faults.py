@@ -94,6 +94,14 @@ def test_the_robot_finds_by_itself_that_a_wrist_does_not_feel(fleet: Faulty) -> 
     assert fleet.going_on() == ()
 
 
+def test_each_is_listed(fleet: Faulty) -> None:
+    """By its own words, as the report has them."""
+    fleet.fault("sensor", "grip", "--kind", "stuck", "--side", "right", "--for", "0.5")
+    told = fleet.fault("list")
+    assert "sensor grip stuck right" in told
+    assert fleet.last().target == "loop"
+
+
 def test_what_cannot_be_is_refused(fleet: Faulty) -> None:
     """With what is right; nothing is recorded."""
     before = (fleet.run / FAULTS_FILE).read_bytes()
@@ -107,3 +115,12 @@ def test_what_cannot_be_is_refused(fleet: Faulty) -> None:
     ):
         assert said in " ".join(fleet.fault(*words, code=2).split())
     assert (fleet.run / FAULTS_FILE).read_bytes() == before
+
+
+def test_the_report_has_them(fleet: Faulty) -> None:
+    """After the end of the fleet; the last test of this file."""
+    fleet.fault("thing", "bowl_1", "--kind", "pushed", "--by", "0.02,0,0", "--for", "0.5")
+    fleet.roco("down")
+    report = json.loads((fleet.run / "report.json").read_bytes())
+    assert ("thing", "bowl_1 pushed by 0.02,0,0") in [(one["kind"], one["what"]) for one in report["faults"]]
+    assert "<td>thing bowl_1 pushed by 0.02,0,0</td>" in (fleet.run / "report.html").read_text()
