@@ -1,20 +1,26 @@
-"""Pours while somebody moves things, and compares the words of the robot with the truth.
+"""Does tasks while something goes wrong, and compares the words of the robot with the truth.
 
-The pour is that of pour_one_process.
+Disturbance x act x seed, in two scenes and, for a door, in a third one. One process: as pour_one_process, eyes by
+pixels. A disturbance begins before the act of the task that it is about, or during a motion of that act; senses stay
+ill to the end, from the first act of the task on where nothing else is said. Appends a line per run to a results file
+and skips runs that stand there; the table has the newest of each in which it happened.
 
-`pushed`: jar or bowl is shifted by 5 cm while the robot reaches for it, or the bowl on the table before the tilt.
-`knocked`: the jar is struck out of the hand (its fingers lose their friction for 1.5 s) while it is carried.
-`obstructed`: a box is put where the bowl is going to be put down. `removed`: a thing is taken away, out of sight.
-Appends a line per run to a results file and skips runs that stand there; the table has the newest of each case and
-seed.
-
-    python benchmarks/disturbed.py --seeds 1-10
+    python benchmarks/disturbed.py --seeds 1-3
+    python benchmarks/disturbed.py --seeds 1 --cases "bowl pushed before,wrist zero" --acts pour,take --scenes env2
+    python benchmarks/disturbed.py --list
     python benchmarks/disturbed.py --table
+
+`right done`, `right failed`: the words are true. `FALSE done`: said to be done, and is not. `false failed`: it is done,
+and was said not to be. `hang`: too many plans, or simulated time over. `drop`: a sense was ill and jar or bowl is on
+the floor. `crash`: an exception ended the process of the robot.
 """
 
 import math
+import os
+import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,198 +29,586 @@ import mujoco
 import numpy as np
 import tables
 import typer
-from pour_one_process import Run
+from pour_one_process import TOO_MANY, Run
 
-from companion.languages import rc
-from velma.model.grains import grain_name
+from companion.languages import hfsm, rc
+from companion.languages.cmd import BACK
+from services.executor.loop.core import LoopCore
+from services.executor.loop.program import KNOT_S, Motion, Phase
+from services.executor.sight import Eye
+from services.executor.simulation import InProcess
+from services.executor.skills.skill import Sensed
+from services.task.words import SURVEY
+from velma.model.contacts import Kind as Meets
 from velma.model.kinds import Model
-from velma.model.scene import Thing, load, vary
+from velma.model.scene import CANONICAL, Scene, Thing, load, vary
+from velma.model.scene_xml import scene_xml
+from velma.names import COLUMNS, SIDES
+from velma.sim import disturbances
+from velma.sim.disturbances import Disturbance, Kind, Of
+from velma.sim.mujoco_backend import MujocoBackend
+from velma.sim.truth import Truth
 
 RESULTS = Path(__file__).parent / "results/disturbed.jsonl"
-PAGE = Path(__file__).parents[1] / "docs/eyes.md"
+PAGE = Path(__file__).parents[1] / "docs/scenes.md"
 BEGIN, END = "<!-- disturbed: python benchmarks/disturbed.py --table -->\n", "<!-- /disturbed -->\n"
-PUSH_M, KNOCK_S = 0.05, 1.5  # as far as a passing arm pushes (estimate); as in tests/fleet/test_lost.py
-JAR, BOWL, BOX = "jar_1", "bowl_1", "box_1"
 RUN = tables.commit()
-ASIDE = (-2.0, 2.0, 0.056)  # on the floor, where nobody looks or reaches
+JAR, BOWL, JAR_2, BOX, TABLE, CABINET = "jar_1", "bowl_1", "jar_2", "box_9", "table_1", "cabinet_2"
+SPARE = {JAR_2: Thing(JAR_2, Model.JAR, (-2.0, 1.0, 0.101)), BOX: Thing(BOX, Model.BOX1, (-2.0, 0.5, 0.056))}
+PUSH_M = 0.05  # as far as a passing arm pushes (estimate)
+SETTLE_S = 1.2  # until what was disturbed before an act rests
+LIMIT_S = 600.0  # simulated; estimate: a pour takes 70, with three plans 150
+KNOCK_S, OBSTACLE_S = 1.5, 5.0  # as in tests/fleet/test_lost.py; until somebody takes the obstacle away (estimate)
+BESIDE_M = 0.15  # of a person's hand from the way of the robot's; estimate
+AHEAD_M = 0.15  # what stands in the way is at least so far from the hand at first; estimate
 LEAST = 0.9  # of the content, that a pour moves, as the report demands
+UPRIGHT_DEG, FLOOR_M, OPEN_RAD, FINGERS, NEAR_M = 10.0, 0.3, 1.0, 2, 0.06
+"""Of what stands; of what fell; of an open door; links on a held thing; of what stands where it stood. Estimates."""
+PARKED = np.array([-3.0, 0.0, 1.0])
+Event = Callable[["Disturbed"], None]
+
+
+class When(msgspec.Struct, frozen=True):
+    """Moment of a disturbance: before the first act that `act` takes, or at a share of its first motion of `motion`."""
+
+    act: Callable[["Disturbed", rc.Act], bool]
+    motion: Callable[["Disturbed", Motion], bool] | None = None
+    share: float = 0.5
+
+
+class OverError(Exception):
+    """Simulated time is over."""
+
+
+class Body(InProcess):
+    """Runs motions cycle by cycle, with what is to happen at a time. `watch` is told of each motion before."""
+
+    def __init__(self, core: LoopCore, eye: Eye, watch: Callable[[Motion], None]) -> None:
+        super().__init__(core, eye)
+        self._watch = watch
+        self._due: list[tuple[float, Callable[[], None]]] = []
+
+    def do(self, motion: Motion) -> Sensed:
+        """Run a motion to its end, then look. Raise OverError."""
+        self._watch(motion)
+        self.core.begin(motion)
+        while self.core.report.phase is Phase.RUNNING:
+            self._cycle()
+        return self.sensed()
+
+    def rest(self, seconds: float) -> None:
+        """Let time pass without a motion."""
+        for _ in range(math.ceil(seconds / self.core.backend.period_s)):
+            self._cycle()
+
+    def after(self, seconds: float, do: Callable[[], None]) -> None:
+        """Do something at a later time."""
+        self._due.append((self.core.state.time + seconds, do))
+
+    def _cycle(self) -> None:
+        self.core.cycle()
+        now = self.core.state.time
+        for one in [one for one in self._due if one[0] <= now]:
+            self._due.remove(one)
+            one[1]()
+        if now > LIMIT_S:
+            raise OverError
 
 
 class Disturbed(Run):
-    """A run in which one thing happens just before the first act that `when` accepts."""
+    """A run in which something happens once, at a moment of its task. `file`: what goes on, for the camera."""
 
-    def __init__(self, seed: int, when: Callable[[rc.Act], bool], what: Callable[["Disturbed", rc.Act], None]) -> None:
-        scene = vary(load(), seed)
-        box = Thing(BOX, Model.BOX1, ASIDE)
-        super().__init__(msgspec.structs.replace(scene, things=(*scene.things, box)), seed)
-        self.when, self.what, self.happened = when, what, False
-        self.rng = np.random.default_rng(seed)
+    def __init__(self, scene: Scene, seed: int, case: "Case", name: str, file: Path, verbose: bool = False) -> None:
+        self.case, self.name, self.file = case, name, file
+        self.armed = self.happened = False
+        self.going_on: tuple[Disturbance, ...] = ()
+        self.command: rc.Act = SURVEY
+        super().__init__(scene, seed, verbose, backend=MujocoBackend(scene, crowded(scene)))
+        self.body: Body = Body(self.body.core, self.body.eye, self._watch)
+        self.rng = np.random.default_rng([seed, *name.encode(), *case.name.encode()])
 
     def act(self, command: rc.Act) -> rc.Done | rc.NotDone:
-        """Perform a command; before it, let it happen."""
-        if not self.happened and self.when(command):
-            self.happened = True
-            self.what(self, command)
+        """Perform a command; before or during it, let it happen."""
+        self.command, when = command, self.case.moment(self.name)
+        if self.armed and when.motion is None and when.act(self, command):
+            self.happen()
+            self.body.rest(SETTLE_S)
         return super().act(command)
 
-    def move(self, name: str, xyz: np.ndarray) -> None:
-        """Put the origin of a thing at `xyz` (3,) [m, world], the jar with its grains."""
-        model, data = self.backend.model, self.backend.data
-        shift = xyz - data.body(name).xpos
-        grains = range(self.truth.read().grains if name == JAR else 0)
-        for body in (name, *map(grain_name, grains)):
-            data.qpos[model.jnt_qposadr[model.body(body).jntadr[0]] + np.arange(3)] += shift
-        data.qvel[model.jnt_dofadr[model.body(name).jntadr[0]] + np.arange(6)] = 0.0
-        mujoco.mj_step1(model, data)
+    def _watch(self, motion: Motion) -> None:
+        when = self.case.moment(self.name)
+        if self.armed and when.motion is not None and when.act(self, self.command) and when.motion(self, motion):
+            self.armed = False
+            self.body.after(when.share * seconds(motion), self.happen)
+
+    def happen(self) -> None:
+        """Let it happen, once."""
+        self.armed, self.happened = False, True
+        self.case.what(self)
+
+    def begin(self, of: Of, kind: Kind, on: str = "", by: Iterable[float] = (), for_s: float | None = None) -> None:
+        """Begin a disturbance, for a time [s, simulated] or to the end."""
+        one = Disturbance(f"{len(self.going_on)} {of} {kind}", of, kind, on, tuple(float(x) for x in by))
+        assert not (wrong := disturbances.wrong(one)), wrong
+        self.set((*self.going_on, one))
+        if for_s is not None:
+            self.body.after(for_s, lambda: self.set(tuple(x for x in self.going_on if x != one)))
+
+    def set(self, going_on: tuple[Disturbance, ...]) -> None:
+        """Have this go on in the simulation, and in the camera's process."""
+        self.going_on = going_on
+        disturbances.write(self.file, going_on)
+        self.backend.disturb(going_on)
+
+    def stand(self, name: str, at: np.ndarray) -> None:
+        """Have a post or a person's hand at a place (3,) [m, world] for a time."""
+        places, place = self.backend.data.mocap_pos, self.backend.model.body(name).mocapid[0]
+        places[place] = at
+        self.body.after(OBSTACLE_S, lambda: places.__setitem__(place, PARKED))
+
+    def holds(self, name: str) -> bool:
+        """Whether the robot thinks that a hand holds this."""
+        return self.here.holder(name) is not None
+
+    def side(self) -> str:
+        """Return the hand that moves now, or holds the jar."""
+        return str(getattr(self.command, "side", "")) or self.here.holder(JAR) or "left"
+
+    def hand_at(self, share: float) -> np.ndarray | None:
+        """Return where (3,) [m, world] the hand of the present MoveJoint is at a share of its path."""
+        if not isinstance(self.command, rc.MoveJoint):
+            return None
+        q, path = self.here.q.copy(), self.command.path
+        q[COLUMNS[str(self.command.side)]] = path[min(len(path) - 1, round(share * (len(path) - 1)))]
+        return np.asarray(self.here.robot.grip(q, str(self.command.side)).translation)
 
 
-def pushed(name: str) -> Callable[[Disturbed, rc.Act], None]:
-    """Return the shift of a thing to the left or right, as the cabinet stands."""
+def crowded(scene: Scene) -> mujoco.MjModel:
+    """Return the model of a scene with a post and a person's hand, which the eyes do not see, far away."""
+    spec = mujoco.MjSpec.from_string(scene_xml(scene))
+    for name, size in (("post", (0.03, 0.15)), ("hand", (0.04, 0.08))):  # radius, half the length; estimates
+        body = spec.worldbody.add_body(name=name, mocap=True, pos=PARKED)
+        geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[*size, 0.0])
+        geom.contype, geom.conaffinity = int(Meets.WORLD), int(Meets.ARM | Meets.HAND | Meets.OBJECT)
+    return spec.compile()
 
-    def push(run: Disturbed, _: rc.Act) -> None:
-        rotation, _at = run.truth.pose("cabinet_2")
-        _, at = run.truth.pose(name)
-        run.move(name, at + run.rng.choice([-1.0, 1.0]) * PUSH_M * rotation[:, 1])
+
+def seconds(motion: Motion) -> float:
+    """Return how long a motion takes by its path [s]; 0 for one of a hand."""
+    return (len(motion.path()) - 1) * KNOT_S
+
+
+# --- moments ----------------------------------------------------------------------------------------------------------
+
+
+def grasps(name: str) -> Callable[[Disturbed, rc.Act], bool]:
+    """Return whether an act takes this thing."""
+    return lambda _, command: isinstance(command, rc.Grasp) and command.object == name
+
+
+def kind(*kinds: type[rc.Act]) -> Callable[[Disturbed, rc.Act], bool]:
+    """Return whether an act is one of these."""
+    return lambda _, command: isinstance(command, kinds)
+
+
+def carries(run: Disturbed, command: rc.Act) -> bool:
+    """Whether an act moves the hand that holds the jar: away, or where it is only taken, up."""
+    kinds = rc.MoveCartesian if run.name in ("take", "open") else rc.MoveJoint
+    return isinstance(command, kinds) and run.here.holder(JAR) == command.side
+
+
+def reaches(run: Disturbed, command: rc.Act) -> bool:
+    """Whether a hand moves freely, and farther than AHEAD_M: there is room for something in its way."""
+    now, then = run.hand_at(0.0), run.hand_at(0.6)
+    return now is not None and then is not None and float(np.linalg.norm(then - now)) > AHEAD_M
+
+
+def any_act(_run: Disturbed, _command: rc.Act) -> bool:
+    """Whether it is an act."""
+    return True
+
+
+def moving(_: Disturbed, motion: Motion) -> bool:
+    """Whether a motion goes somewhere."""
+    return seconds(motion) > 0.5
+
+
+def tilting(run: Disturbed, motion: Motion) -> bool:
+    """Whether a motion of a pour tilts: the one after which it holds."""
+    return isinstance(run.command, rc.Pour) and moving(run, motion) and motion.settle_s == run.command.hold
+
+
+def leaving(run: Disturbed, motion: Motion) -> bool:
+    """Whether a hand that has let go of the jar leaves it."""
+    return moving(run, motion) and not run.holds(JAR)
+
+
+TAKES = ("take", "pour", "bring", "open")
+PLACES = ("carry", "put down", "put back", "swap")
+ACTS = ("take", "carry", "put down", "put back", "pour", "open", "bring", "swap")
+KEY: dict[str, Callable[[Disturbed, rc.Act], bool]] = {
+    "take": grasps(JAR), "carry": carries, "put down": kind(rc.Release),
+    "put back": kind(rc.Release), "pour": kind(rc.Pour), "open": kind(rc.OpenDoor), "bring": grasps(JAR),
+    "swap": kind(rc.Release),
+}  # fmt: skip
+"""The act of a task that most disturbances are about."""
+TAKE = hfsm.Task(hfsm.TaskName.TAKE, (JAR, ""))
+TASKS: dict[str, tuple[tuple[hfsm.Task, ...], hfsm.Task]] = {
+    "take": ((), TAKE),
+    "carry": ((), hfsm.Task(hfsm.TaskName.PUT_AT, (JAR, "table"))),
+    "put down": ((TAKE,), hfsm.Task(hfsm.TaskName.PUT_DOWN, (JAR,))),
+    "put back": ((TAKE,), hfsm.Task(hfsm.TaskName.PUT_AT, (JAR, BACK))),
+    "pour": ((), hfsm.Task(hfsm.TaskName.POUR, (JAR, BOWL))),
+    "open": ((), TAKE),
+    "bring": ((), hfsm.Task(hfsm.TaskName.BRING, (JAR, ""))),
+    "swap": ((TAKE,), hfsm.Task(hfsm.TaskName.SWAP_HANDS, (JAR,))),
+}
+"""What is done before, undisturbed, and what is then asked for. A door is opened because the jar is behind it."""
+SCENES = {"canonical": tuple(a for a in ACTS if a != "open"), "env2": tuple(a for a in ACTS if a != "open"),
+          "doors": ("open",)}  # fmt: skip
+
+
+# --- what happens -----------------------------------------------------------------------------------------------------
+
+
+def pushed(name: str) -> Event:
+    """Return a push of a thing in any direction; in the cabinet to its left or right."""
+
+    def push(run: Disturbed) -> None:
+        rotation, cabinet = run.truth.pose(CABINET)
+        around = run.rng.uniform(0.0, math.tau)
+        way = np.array([math.cos(around), math.sin(around), 0.0])
+        local = rotation.T @ (run.truth.pose(name)[1] - cabinet)
+        if abs(local[0]) < 0.2 and abs(local[1]) < 0.3 and abs(local[2]) < 0.35:
+            way = run.rng.choice([-1.0, 1.0]) * rotation[:, 1]
+        run.begin(Of.THING, Kind.PUSHED, name, PUSH_M * way)
 
     return push
 
 
-def pushed_anywhere(run: Disturbed, _: rc.Act) -> None:
-    """Shift the bowl on the table in any direction."""
-    around, (_, at) = run.rng.uniform(0.0, math.tau), run.truth.pose(BOWL)
-    run.move(BOWL, at + PUSH_M * np.array([math.cos(around), math.sin(around), 0.0]))
+def tipped(name: str) -> Event:
+    """Return the fall of a thing, in any direction."""
+
+    def tip(run: Disturbed) -> None:
+        around = run.rng.uniform(0.0, math.tau)
+        run.begin(Of.THING, Kind.TIPPED, name, (math.cos(around), math.sin(around), 0.0))
+
+    return tip
 
 
-def knocked(run: Disturbed, _: rc.Act) -> None:
-    """Take the hands' friction away for a while."""
-    model, cycle, begun = run.backend.model, run.body.core.cycle, run.body.core.state.time
-    hands = [g for g in range(model.ngeom) if "_Hand" in model.body(model.geom_bodyid[g]).name]
-    before = model.geom_friction[hands].copy()
-    model.geom_friction[hands] = 0.0
-
-    def until() -> None:
-        cycle()
-        if run.body.core.state.time - begun > KNOCK_S:
-            model.geom_friction[hands] = before
-
-    run.body.core.cycle = until  # type: ignore[method-assign]
+def does(of: Of, what: Kind, on: str = "", by: tuple[float, ...] = (), for_s: float | None = None) -> Event:
+    """Return the beginning of a disturbance."""
+    return lambda run: run.begin(of, what, on, by, for_s)
 
 
-def obstructed(run: Disturbed, command: rc.Act) -> None:
-    """Put the box where the bowl is to stand."""
-    assert isinstance(command, rc.Release)
-    assert command.place is not None
-    x, y, z = command.place.xyz
-    run.move(BOX, np.array([x, y, z + 0.056]))
+def box_on_place(run: Disturbed) -> None:
+    """Put the box where a thing is to be put down; in the middle of the table where only that is known."""
+    place = getattr(run.command, "place", None)
+    at = run.truth.pose(TABLE)[1] if place is None else np.array(place.xyz)
+    top = surface(run, at, (TABLE,)) if place is None else surface(run, at, ("table", "cabinet"), at[2] + 0.02)
+    run.begin(Of.THING, Kind.ADDED, BOX, (at[0], at[1], top + 0.056))
 
 
-def removed(name: str) -> Callable[[Disturbed, rc.Act], None]:
-    """Return the removal of a thing to the floor behind the robot."""
-
-    def remove(run: Disturbed, _: rc.Act) -> None:
-        run.move(name, np.array([*ASIDE[:2], 0.001 if name == BOWL else 0.101]))
-
-    return remove
-
-
-def _grasp(name: str) -> Callable[[rc.Act], bool]:
-    return lambda command: isinstance(command, rc.Grasp) and command.object == name
-
-
-def _carry(command: rc.Act) -> bool:
-    return isinstance(command, rc.MoveJoint) and "/2." in command.key
+def surface(run: Disturbed, at: np.ndarray, of: tuple[str, ...], below: float = math.inf) -> float:
+    """Return the height [m] of the highest board of furniture at a place that is below a height."""
+    model, data = run.backend.model, run.backend.data
+    tops = [0.0]
+    for geom in range(model.ngeom):
+        if model.body(model.geom_bodyid[geom]).name.startswith(of):
+            half, local = model.geom_size[geom], data.geom_xmat[geom].reshape(3, 3).T @ (at - data.geom_xpos[geom])
+            top = float(data.geom_xpos[geom][2] + half[2])
+            if (np.abs(local[:2]) < half[:2]).all() and top < below:
+                tops.append(top)
+    return max(tops)
 
 
-def _pour(command: rc.Act) -> bool:
-    return isinstance(command, rc.Pour)
+def second_jar(run: Disturbed) -> None:
+    """Put another jar on the table, empty."""
+    rotation, at = run.truth.pose(TABLE)
+    place = at + rotation @ np.array([-0.2, 0.2, 0.0])
+    run.begin(Of.THING, Kind.ADDED, JAR_2, (place[0], place[1], surface(run, place, (TABLE,)) + 0.101))
 
 
-def _over_the_bowl(command: rc.Act) -> bool:
-    return isinstance(command, rc.MoveJoint) and command.key.startswith("plan-2/")
+def moved(name: str) -> Event:
+    """Return the shift of furniture with all on it, to the left or right."""
+    return lambda run: run.begin(Of.THING, Kind.MOVED, name, (0.0, float(run.rng.choice([-1.0, 1.0])) * PUSH_M, 0.0))
 
 
-def _put(command: rc.Act) -> bool:
-    return isinstance(command, rc.Release) and command.object == BOWL
+def in_the_way(run: Disturbed) -> None:
+    """Have a post in the way of the hand."""
+    at = run.hand_at(0.6)
+    assert at is not None
+    run.stand("post", at)
 
 
-def _look_at_bowl(command: rc.Act) -> bool:
-    return isinstance(command, rc.Look) and len(command.at) == 1
+def person(run: Disturbed) -> None:
+    """Have a person's hand beside the way of the robot's."""
+    first, at = run.hand_at(0.3), run.hand_at(0.6)
+    assert first is not None
+    assert at is not None
+    beside = np.cross(at - first, (0.0, 0.0, 1.0))
+    run.stand("hand", at + BESIDE_M * beside / max(1e-6, float(np.linalg.norm(beside))))
 
 
-CASES: dict[str, tuple[Callable[[rc.Act], bool], Callable[[Disturbed, rc.Act], None]]] = {
-    "jar pushed": (_grasp(JAR), pushed(JAR)),
-    "bowl pushed": (_grasp(BOWL), pushed(BOWL)),
-    "bowl pushed before the tilt": (_pour, pushed_anywhere),
-    "jar knocked out of the hand": (_carry, knocked),
-    "box on the bowl's place": (_put, obstructed),
-    "bowl removed from the table": (_look_at_bowl, removed(BOWL)),
-    "bowl removed while the jar is brought": (_over_the_bowl, removed(BOWL)),
-    "jar removed from the cabinet": (_grasp(JAR), removed(JAR)),
-}
+def of_arm(of: Of, what: Kind) -> Event:
+    """Return a fault of the elbow of the arm that moves."""
+    return lambda run: run.begin(of, what, f"{run.side()}_arm_3_joint")
 
 
-def measured(case: str, seed: int) -> dict[str, Any]:
+def stiff_finger(run: Disturbed) -> None:
+    """Have a finger of the hand that moves stick."""
+    run.begin(Of.FINGER, Kind.STICKS, f"{run.side()} One")
+
+
+class Case(msgspec.Struct, frozen=True):
+    """A disturbance: what happens, in which tasks, and when in each: at `when`, else before the task's key act."""
+
+    name: str
+    what: Event
+    acts: tuple[str, ...] = ACTS
+    when: dict[str, When] = {}
+    sense: bool = False
+
+    def moment(self, act: str) -> When:
+        """Return its moment in a task."""
+        return self.when.get(act, When(KEY[act]))
+
+
+def at(when: When, acts: Iterable[str] = ACTS) -> dict[str, When]:
+    """Return the same moment for tasks."""
+    return dict.fromkeys(acts, when)
+
+
+def before(name: str) -> dict[str, When]:
+    """Return the moment before this thing is taken, where it is."""
+    return at(When(grasps(name)), TAKES if name == JAR else ("pour",))
+
+
+def during(name: str) -> dict[str, When]:
+    """Return half of the way to this thing, else half of the first motion of the key act."""
+    return {act: When(KEY[act], moving) for act in ACTS} | {
+        act: When(grasps(name), moving) for act in (TAKES if name == JAR else ("pour",))
+    }
+
+
+CARRY, REACH, PUTS = When(carries, moving), When(reaches, moving, 0.0), When(kind(rc.Release))
+TILT, RELEASE = When(kind(rc.Pour), tilting), When(kind(rc.Release), leaving, 0.3)
+START = at(When(any_act))
+CASES = {
+    one.name: one
+    for one in (
+        Case("nothing", lambda _: None),
+        Case("jar pushed before", pushed(JAR), TAKES, before(JAR)),
+        Case("jar pushed during", pushed(JAR), TAKES, during(JAR)),
+        Case("jar removed", does(Of.THING, Kind.REMOVED, JAR), TAKES, before(JAR)),
+        Case("jar tipped before", tipped(JAR), TAKES, before(JAR)),
+        Case("bowl pushed before", pushed(BOWL), when=before(BOWL)),
+        Case("bowl pushed during", pushed(BOWL), when=during(BOWL)),
+        Case("bowl removed", does(Of.THING, Kind.REMOVED, BOWL), when=before(BOWL)),
+        Case("bowl tipped before", tipped(BOWL), when=before(BOWL)),
+        Case("bowl pushed before the tilt", pushed(BOWL), ("pour",)),
+        Case("bowl pushed during the tilt", pushed(BOWL), ("pour",), {"pour": TILT}),
+        Case("bowl removed during the tilt", does(Of.THING, Kind.REMOVED, BOWL), ("pour",), {"pour": TILT}),
+        Case("jar toppled as the hand lets go", tipped(JAR), PLACES, at(RELEASE)),
+        Case("jar struck out of the hand", does(Of.HANDS, Kind.SLIPPERY, for_s=KNOCK_S), when=at(CARRY)),
+        Case("post in the arm's way", in_the_way, when=at(REACH)),
+        Case("a person's hand near", person, when=at(REACH)),
+        Case("box on the place", box_on_place, (*PLACES, "pour"), at(PUTS)),
+        Case("table moved", moved(TABLE)),
+        Case("cabinet moved", moved(CABINET), when=before(JAR)),
+        Case("grains four times as heavy", does(Of.GRAINS, Kind.HEAVY), when=START),
+        Case("a second jar", second_jar, when=START),
+        Case("lights low", does(Of.CAMERA, Kind.DIMMED), when=START, sense=True),
+        Case("camera black", does(Of.CAMERA, Kind.BLACK), when=START, sense=True),
+        Case("camera frozen", does(Of.CAMERA, Kind.FROZEN), when=START, sense=True),
+        Case("camera mirrored", does(Of.CAMERA, Kind.MIRRORED), when=START, sense=True),
+        Case("camera black from the act on", does(Of.CAMERA, Kind.BLACK), (*PLACES, "pour"), sense=True),
+        Case("camera frozen from the act on", does(Of.CAMERA, Kind.FROZEN), (*PLACES, "pour"), sense=True),
+        Case("wrist zero", does(Of.WRIST, Kind.ZERO), when=START, sense=True),
+        Case("wrist stuck", does(Of.WRIST, Kind.STUCK), when=START, sense=True),
+        Case("wrist nan", does(Of.WRIST, Kind.NAN), when=START, sense=True),
+        Case("wrist off by 3 N", does(Of.WRIST, Kind.BIAS), when=START, sense=True),
+        Case("wrist off by 3 N while it carries", does(Of.WRIST, Kind.BIAS), when=at(CARRY), sense=True),
+        Case("elbow encoder off by 0.05 rad", of_arm(Of.ENCODER, Kind.BIAS), when=START, sense=True),
+        Case("elbow encoder stuck", of_arm(Of.ENCODER, Kind.STUCK), when=START, sense=True),
+        Case("elbow sticks", of_arm(Of.JOINT, Kind.STICKS), when=START),
+        Case("a finger sticks", stiff_finger, when=START),
+        Case("fingers read zero", does(Of.GRIP, Kind.ZERO), when=START, sense=True),
+        Case("fingers read stuck", does(Of.GRIP, Kind.STUCK), when=START, sense=True),
+    )
+}  # fmt: skip
+
+
+# --- the truth --------------------------------------------------------------------------------------------------------
+
+
+def stands(truth: Truth, name: str) -> bool:
+    """Whether a thing stands upright above the floor, in no hand."""
+    free = max(truth.fingers_on[name].values()) == 0
+    return free and truth.tilt_deg[name] < UPRIGHT_DEG and truth.at[name][2] > FLOOR_M
+
+
+def hand_of(truth: Truth, name: str) -> str:
+    """Return the side that holds a thing, "" for none."""
+    links, side = max((truth.fingers_on[name][side], side) for side in SIDES)
+    return side if links >= FINGERS else ""
+
+
+def goal(run: Disturbed, act: str, first: Truth, held: str) -> bool:
+    """Return whether a task is truly done. `first`: at the beginning, `held`: in which hand the jar was then."""
+    truth = run.truth.read()
+    match act:
+        case "take" | "bring":
+            return bool(hand_of(truth, JAR))
+        case "open":
+            return bool(hand_of(truth, JAR)) and max(abs(angle(run, name)) for name in ("door_1", "door_2")) > OPEN_RAD
+        case "carry":
+            away = run.truth.pose(TABLE)[0].T @ (np.array(truth.at[JAR]) - run.truth.pose(TABLE)[1])
+            return stands(truth, JAR) and bool(np.hypot(*away[:2]) < 0.65)
+        case "put down":
+            return stands(truth, JAR)
+        case "put back":
+            near = math.dist(truth.at[JAR], first.at[JAR]) < NEAR_M
+            return stands(truth, JAR) and near
+        case "pour":
+            return truth.grains_in[BOWL] >= LEAST * truth.grains and truth.tilt_deg[BOWL] < UPRIGHT_DEG
+        case _:
+            return hand_of(truth, JAR) not in ("", held)
+
+
+def angle(run: Disturbed, name: str) -> float:
+    """Return how far a door is open [rad]."""
+    return float(run.backend.data.qpos[run.backend.model.joint(name).qposadr[0]])
+
+
+def judged(said: str, good: bool, dropped: bool) -> str:
+    """Return the verdict: what was said against what is true."""
+    if said.startswith("crash"):
+        return "crash"
+    if said in (TOO_MANY, OVER):
+        return "hang"
+    if dropped:
+        return "drop"
+    if said == "done":
+        return "right done" if good else "FALSE done"
+    return "false failed" if good else "right failed"
+
+
+OVER = "simulated time is over"
+VERDICTS = ("right done", "right failed", "false failed", "FALSE done", "drop", "hang", "crash")
+
+
+def measured(scene: str, act: str, case: Case, seed: int, folder: Path, verbose: bool = False) -> dict[str, Any]:
     """Return one run, as a line of the results file."""
-    began, run = time.perf_counter(), Disturbed(seed, *CASES[case])
+    began, file = time.perf_counter(), folder / "disturbances.json"
+    file.unlink(missing_ok=True)
+    spare = (SPARE[BOX], SPARE[JAR_2]) if case.name == "a second jar" else (SPARE[BOX],)
+    world = vary(load(CANONICAL.with_stem(scene)), seed)
+    run = Disturbed(msgspec.structs.replace(world, things=(*world.things, *spare)), seed, case, act, file, verbose)
+    first, held, prepared = run.truth.read(), "", ""
     try:
-        said = run.pour()
+        run.act(SURVEY)
+        before, task = TASKS[act]
+        for one in before:
+            prepared = prepared or run.carry_out(one)
+        held = hand_of(run.truth.read(), JAR)
+        run.armed = not prepared
+        said = prepared or run.carry_out(task) or "done"
+    except OverError:
+        said = OVER
+    except Exception as error:
+        said = f"crash: {type(error).__name__}: {error}"
     finally:
         run.body.eye.close()
     truth = run.truth.read()
+    fallen = [name for name in (JAR, BOWL) if truth.at[name][2] < FLOOR_M]
+    good = goal(run, act, first, held)
     return {
-        "case": case, "seed": seed, "happened": run.happened, "said": said or "done",
-        "poured": round(truth.grains_in[BOWL] / truth.grains, 3), "upright": truth.tilt_deg[BOWL] < 10.0,
-        "sim_time_s": round(run.here.time, 1), "wall_s": round(time.perf_counter() - began, 1),
+        "scene": scene, "act": act, "case": case.name, "seed": seed, "happened": run.happened, "said": said,
+        "verdict": judged(said, good, case.sense and bool(fallen)), "good": good, "fallen": fallen,
+        "at": {name: [round(x, 3) for x in truth.at[name]] for name in (JAR, BOWL)},
+        "tilt_deg": {name: round(truth.tilt_deg[name], 1) for name in (JAR, BOWL)}, "grains": truth.grains,
+        "grains_in": truth.grains_in, "held_by": {name: hand_of(truth, name) for name in (JAR, BOWL)},
+        "ill": {str(side): why for side, why in run.here.ill.items()}, "plans": run.planned, "acts": len(run.acts),
+        "sim_time_s": round(float(run.body.core.state.time), 1), "wall_s": round(time.perf_counter() - began, 1),
         "commit": RUN,
     }  # fmt: skip
 
 
-def ending(line: dict[str, Any]) -> str:
-    """Return how a run ended, by what was said and what is true."""
-    poured = line["poured"] >= LEAST and line["upright"]
-    if line["said"] == "done":
-        return "done" if poured else "FALSE SUCCESS"
-    return "poured, said otherwise" if poured else "refused or failed"
+# --- the table --------------------------------------------------------------------------------------------------------
 
 
 def printed(lines: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield the table, and below it the words of all that was not done."""
-    kinds = ("done", "refused or failed", "poured, said otherwise", "FALSE SUCCESS")
-    yield f"| what happens | runs | {' | '.join(kinds)} |"
-    yield "|---" * (len(kinds) + 2) + "|"
-    for case in CASES:
-        ran = [line for line in lines if line["case"] == case and line["happened"]]
-        if ran:
-            counts = (sum(ending(line) == kind for line in ran) for kind in kinds)
-            yield f"| {case} | {len(ran)} | {' | '.join(map(str, counts))} |"
+    """Yield the table of verdicts by disturbance, the same by act, and below the words of what was wrong."""
+    lines = [line for line in lines if line["happened"]]
+    yield from counted("what happens", lines, "case", CASES)
     yield ""
-    seeds: dict[str, list[int]] = {}
+    yield from counted("task", lines, "act", ACTS)
+    yield ""
+    wrong: dict[str, list[str]] = {}
     for line in lines:
-        if line["happened"] and ending(line) != "done":
-            words = f"{ending(line)}, {100 * line['poured']:.0f} % in the bowl: {line['said']}"
-            seeds.setdefault(f"{line['case']}: {words}", []).append(line["seed"])
-    for words, of in seeds.items():
-        yield f"- {words} (seed {', '.join(map(str, of))})"
+        if line["verdict"] not in ("right done", "right failed"):
+            words = f"{line['verdict']}: {line['case']}, {line['act']}: {line['said']}"
+            wrong.setdefault(words, []).append(f"{line['scene']} {line['seed']}")
+    for words, of in sorted(wrong.items()):
+        yield f"- {words} ({', '.join(of)})"
+
+
+def counted(head: str, lines: list[dict[str, Any]], field: str, values: Iterable[str]) -> Iterator[str]:
+    """Yield a table of how many runs of each value of a field ended how."""
+    yield f"| {head} | runs | {' | '.join(VERDICTS)} |"
+    yield "|---" * (len(VERDICTS) + 2) + "|"
+    for value in values:
+        ran = Counter(line["verdict"] for line in lines if line[field] == value)
+        if ran:
+            yield f"| {value} | {ran.total()} | {' | '.join(str(ran[verdict]) for verdict in VERDICTS)} |"
+
+
+def key(line: dict[str, Any]) -> tuple[str, str, str, int]:
+    """Return what a run is one of."""
+    return line["scene"], line["act"], line["case"], line["seed"]
+
+
+def rows(scenes: str, acts: str, cases: str, seeds: str) -> Iterator[tuple[str, str, str, int]]:
+    """Yield all runs that are asked for."""
+    for seed in tables.seeds(seeds):
+        for scene in scenes.split(","):
+            for case in cases.split(","):
+                yield from ((scene, act, case, seed) for act in SCENES[scene]
+                            if act in acts.split(",") and act in CASES[case].acts)  # fmt: skip
 
 
 def main(
-    seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-10",
-    cases: Annotated[str, typer.Option(help=", ".join(CASES))] = ",".join(CASES),
+    seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-3",
+    cases: Annotated[str, typer.Option(help="names of --list, with commas between")] = ",".join(CASES),
+    acts: Annotated[str, typer.Option(help=", ".join(ACTS))] = ",".join(ACTS),
+    scenes: Annotated[str, typer.Option(help=", ".join(SCENES))] = ",".join(SCENES),
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
-    table: Annotated[bool, typer.Option("--table", help="write the table into docs/eyes.md, and end")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="tell each act")] = False,
+    names: Annotated[bool, typer.Option("--list", help="list the disturbances, and end")] = False,
+    table: Annotated[bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")] = False,
 ) -> None:
     """Run what does not stand in the results file yet."""
-    lines = list({(line["case"], line["seed"]): line for line in tables.read(out)}.values())
+    if names:
+        typer.echo("\n".join(f"{one.name}: {', '.join(one.acts)}" for one in CASES.values()))
+        return
+    lines = list({key(line): line for line in tables.read(out) if "act" in line}.values())
     if table:
         tables.put(PAGE, BEGIN, "\n".join(printed(lines)) + "\n", END)
         return
-    known = {(line["case"], line["seed"]) for line in lines}
-    for seed in tables.seeds(seeds):
-        for case in cases.split(","):
-            if (case, seed) not in known:
-                line = measured(case, seed)
+    for given, there in ((cases, CASES), (acts, ACTS), (scenes, SCENES)):
+        if unknown := [one for one in given.split(",") if one not in there]:
+            raise typer.BadParameter(f"{', '.join(unknown)}: there are {', '.join(there)}")
+    known = {key(line) for line in lines}
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ[disturbances.VARIABLE] = str(Path(folder) / "disturbances.json")
+        for scene, act, case, seed in rows(scenes, acts, cases, seeds):
+            if (scene, act, case, seed) not in known:
+                line = measured(scene, act, CASES[case], seed, Path(folder), verbose)
                 tables.append(out, line)
-                typer.echo(f"{case}, seed {seed}: {ending(line)}: {line['said']} ({line['wall_s']} s)")
+                did = "" if line["happened"] else ", did not happen"
+                words = f"{line['verdict']}{did}: {line['said']} ({line['sim_time_s']} s, wall {line['wall_s']} s)"
+                typer.echo(f"{scene}, {act}, {case}, seed {seed}: {words}")
 
 
 if __name__ == "__main__":

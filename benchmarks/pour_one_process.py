@@ -42,6 +42,8 @@ from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 
 MOST_PLANS = 6
+TOO_MANY = "too many plans"
+POUR = hfsm.Task(hfsm.TaskName.POUR, ("jar", "bowl"))
 RUN = tables.commit()
 Part = TypeVar("Part", Content, Noise)
 PAGE = Path(__file__).parents[1] / "docs/scenes.md"
@@ -49,11 +51,18 @@ BEGIN, END = "<!-- noise: python benchmarks/pour_one_process.py --table -->\n", 
 
 
 class Run:
-    """One world, one robot, one memory of it."""
+    """One world, one robot, one memory of it. `backend`: of that scene, None: a new one."""
 
-    def __init__(self, scene: Scene, seed: int, verbose: bool = False, eyes: Eyes = Eyes.PIXELS) -> None:
-        self.seed, self.verbose = seed, verbose
-        self.backend = MujocoBackend(scene)
+    def __init__(
+        self,
+        scene: Scene,
+        seed: int,
+        verbose: bool = False,
+        eyes: Eyes = Eyes.PIXELS,
+        backend: MujocoBackend | None = None,
+    ) -> None:
+        self.seed, self.verbose, self.planned = seed, verbose, 0
+        self.backend = backend or MujocoBackend(scene)
         self.truth = TruthReader(self.backend)
         self.body = InProcess(LoopCore(self.backend), receptor(scene, eyes))
         self.here: Situation = beginning(Robot(), things(scene), markers(scene))
@@ -87,9 +96,9 @@ class Run:
         self.overlays, answer = ask(self.store.scene, self.overlays, query)
         return answer
 
-    def solve(self, number: int) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
+    def solve(self, number: int, task: hfsm.Task = POUR) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
         """One planning."""
-        network = hfsm.GroundTaskNetwork(f"plan-{number}", (hfsm.Task("pour", ("jar", "bowl")),))
+        network = hfsm.GroundTaskNetwork(f"plan-{number}", (task,))
         began = time.perf_counter()
         plan = search(network, self.ask, self.seed)
         wall = time.perf_counter() - began
@@ -134,14 +143,19 @@ class Run:
     def pour(self) -> str:
         """The task; returns why it failed, or nothing."""
         self.act(SURVEY)
-        for number in range(1, MOST_PLANS + 1):
-            plan = self.solve(number)
+        return self.carry_out(POUR)
+
+    def carry_out(self, task: hfsm.Task) -> str:
+        """Do a task; return why it failed, or nothing."""
+        for _ in range(MOST_PLANS):
+            self.planned += 1
+            plan = self.solve(self.planned, task)
             if isinstance(plan, hfsm.NoPlan):
                 return plan.reason
             outcome, reason = self.follow(plan)
             if outcome is not hfsm.Outcome.REPLAN:
                 return "" if outcome is hfsm.Outcome.SUCCEEDED else reason
-        return "too many plans"
+        return TOO_MANY
 
 
 def noisy(scene: Scene, noise: str) -> Scene:

@@ -23,6 +23,7 @@ LONGEST_WITHIN_S = 86_400.0
 """Until the deadline of a task, or its time to begin; estimate: who says more means neither."""
 MOST_EAST_MIN = 24 * 60  # no place is so far ahead of UTC, or behind it
 SLOTS_FILE = "loop.slots"  # where ex's agent and its loop meet
+DISTURBANCES_FILE = "disturbances.json"  # faults of simulated senses and things, for the simulator alone
 
 
 class HiAddress(msgspec.Struct, frozen=True):

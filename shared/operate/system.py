@@ -86,7 +86,8 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     are broken (operate.judging.invariants). `measures`: an operate.experiments.measures.Measures for experiments and
     comparisons. `why`: a function of an operate.recording.traced.Run and a task of it (a Span) that gives further
     Passages of `roco why`; `believed`: one of a file, a Run, a name and a time [s, None: the end] that gives what is
-    believed of a thing of that name, as a Why, or None where there is none.
+    believed of a thing of that name, as a Why, or None where there is none. `faults`: kind of a fault that its own
+    verbs do -> operate.cli.faults.kinds.Kind, which heals one whose command is gone.
     """
 
     verbs: str = ""
@@ -106,6 +107,7 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     measures: str = ""
     why: str = ""
     believed: str = ""
+    faults: str = ""
 
 
 class System(msgspec.Struct, frozen=True, kw_only=True):

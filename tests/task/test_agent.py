@@ -158,7 +158,7 @@ def test_a_look_afterwards_that_does_not_see_says_so() -> None:
     scene.hears("ex", 1)
     scene.ex(P.FAILURE, rc.NotDone("plan/1", rc.NotDoneKind.EMPTY, "it closed on nothing", BODY))
     look = scene.hears("ex", 2)
-    dark = rc.Ill(rc.Sense.CAMERA, rc.Fault.DARK)
+    dark = rc.Ill(rc.Sensor.CAMERA, rc.Fault.DARK)
     scene.ex(P.FAILURE, rc.NotDone(look.key, rc.NotDoneKind.FAILED, "nothing is seen", BODY, ill=(dark,)), number=1)
     told = scene.hears("co", 3).reason
     assert told.startswith("it closed on nothing; the camera does not see: it shows a dark picture")

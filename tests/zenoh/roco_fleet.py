@@ -63,10 +63,10 @@ class Moment(msgspec.Struct, frozen=True):
 class RocoFleet:
     """A fleet in a run folder of its own; `down` ends it, whatever is left of it."""
 
-    def __init__(self, run: Path, seed: int = SEED, scene: Path | None = None) -> None:
+    def __init__(self, run: Path, seed: int = SEED, scene: Path | None = None, more: tuple[str, ...] = ()) -> None:
         self.run = run
         self.roco("up", "--out", str(run), "--speed", "max", "--seed", str(seed),
-                  *(["--scene", str(scene)] if scene else []), timeout=120.0, inside=False)  # fmt: skip
+                  *(["--scene", str(scene)] if scene else []), *more, timeout=120.0, inside=False)  # fmt: skip
         self._link: AgentLink | None = None
 
     # --- as a person ------------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ to the present state and not to the one before.
 """
 
 import hashlib
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -14,6 +15,9 @@ from velma.model.scene_xml import WRIST_SENSORS, scene_xml
 from velma.names import BODY, DISTAL, FINGERS, HEAD, PROXIMAL, SIDES, SPREAD, START, check_joints
 from velma.sim import overlaps, sensor_noise, sleeping
 from velma.sim.backend import DISTAL_SHARE, PAIR_LIMIT, PERIOD_S, SINGLE_LIMIT, Array, Command, State, at_rest
+from velma.sim.disturbances import Disturbance, Orders
+from velma.sim.disturbed_world import DisturbedWorld
+from velma.sim.spoiled_senses import SpoiledReadings
 
 # A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate: carries jar and bowl
 # without creep; data from the maker of the gear would be better.
@@ -37,13 +41,16 @@ STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 class MujocoBackend:
-    """A simulated Velma in a scene, in the start posture with open hands."""
+    """A simulated Velma in a scene, in the start posture with open hands.
+
+    `model`: of the scene, with bodies beside that have no joint; None: compiled here.
+    """
 
     period_s = PERIOD_S
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, model: mujoco.MjModel | None = None) -> None:
         self.scene = scene
-        self.model = model = compiled(scene)
+        self.model = model = model or compiled(scene)
         sleeping.allow(model)
         self.data = mujoco.MjData(model)
         # MuJoCo would write its warnings to a file in the working folder; errors show in the numbers, which the loop
@@ -62,6 +69,8 @@ class MujocoBackend:
         self._weights, self._late = sensor_noise.weights(scene.noise), scene.noise.delay > 0
         self._before = np.stack((START, np.zeros(len(BODY))))
         self._locked = np.zeros(2)
+        self._readings, self._world = SpoiledReadings(), DisturbedWorld(model, self.data, scene)
+        self.orders = Orders.named()
         self._work = 0.0
         sizes = [mujoco.mj_stateSize(model, STATE), 2, 1, self._wrist.size, self._before.size, model.ntree]
         self._saved, ends = np.zeros(sum(sizes)), np.cumsum(sizes)
@@ -124,13 +133,31 @@ class MujocoBackend:
         state.proximal[:] = qpos[self._proximal]
         state.distal[:] = qpos[self._distal]
         state.wrist = self.data.sensordata[self._wrist] + self._wrist_errors[cycle]
+        self._readings.spoil(state)
         return state
+
+    def disturb(self, going_on: Sequence[Disturbance]) -> bool:
+        """Take what goes on now in place of what did; return whether the world was changed, so that nothing rests."""
+        self._readings.set(going_on)
+        return self._world.set(going_on)
+
+    def disturbed(self) -> bool:
+        """Look for orders, where it is time; return whether they changed the world. Cheap."""
+        return self.orders.changed() and self.disturb(self.orders.going_on)
+
+    def resume(self) -> None:
+        """Go on in a restored world: what was ordered has befallen its things already, senses are ill again."""
+        self.orders.look()
+        self._world.forget(self.orders.going_on)
+        self.disturb(self.orders.going_on)
 
     def step(self, command: Command) -> None:
         """Add the weight of the arms to the torques, set the servos, let 2 ms pass."""
         data = self.data
         if (command.locked != self._locked).any():
             self._lock(command.locked)
+        if self._world.busy:
+            self._world.step()
         ctrl = data.ctrl
         if self._late:
             self._before[:] = data.qpos[self._q], data.qvel[self._v]

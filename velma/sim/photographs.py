@@ -1,14 +1,18 @@
 """Pictures of the head camera as a real one would take them: with noise, blur, exposure, and a camera that is not quite
 where the robot's model has it (all of the scene's noise)."""
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
 from velma.eyes.disturbed import disturbed
 from velma.eyes.lens import HEIGHT, WIDTH
 from velma.model.scene import Scene
+from velma.sim.disturbances import Disturbance, Kind, Of, Orders
 from velma.sim.head_camera import CAMERA, Array, HeadCamera, Pixels
 from velma.sim.markings import marked
+from velma.sim.spoiled_senses import SpoiledPictures
 
 _MOUNT, _PICTURE = 1, 2  # random streams of a scene's seed
 
@@ -20,7 +24,9 @@ class Photographs:
         self._noise = scene.noise
         model = marked(scene)
         _misplace(model, scene)
+        self._model, self._places = model, model.body_pos.copy()
         self._camera = HeadCamera(model, WIDTH, HEIGHT)
+        self._orders, self._spoiled = Orders.named(), SpoiledPictures()
 
     def take(self, qpos: Array, number: int) -> Pixels:
         """Return the picture (HEIGHT, WIDTH, 3) of the state qpos (nq,); `number`: which look it is, for its noise."""
@@ -28,10 +34,21 @@ class Photographs:
 
     def both(self, qpos: Array, number: int) -> tuple[Pixels, Pixels]:
         """Return the picture of a perfect camera, and the one that `take` returns."""
+        self._orders.look()
+        going_on = self._orders.going_on
+        self._move(going_on)
         noise, clean = self._noise, self._camera.picture(qpos)
         rng = np.random.default_rng([noise.seed, _PICTURE, number])
         gain = 1.0 + noise.exposure * rng.uniform(-1.0, 1.0)
-        return clean, disturbed(clean, noise.pixel, noise.blur, gain, rng)
+        lit = self._spoiled.light(clean, going_on)
+        return clean, self._spoiled.taken(disturbed(lit, noise.pixel, noise.blur, gain, rng), going_on)
+
+    def _move(self, going_on: Sequence[Disturbance]) -> None:
+        """Put furniture where it was moved to: its place is none of the coordinates."""
+        self._model.body_pos[:] = self._places
+        for one in going_on:
+            if one.of is Of.THING and one.kind is Kind.MOVED:
+                self._model.body(one.on).pos[:] += one.size
 
     def room(self) -> Pixels:
         """Return the robot in the state of the last picture, from a place in the room (velma.sim.head_camera)."""

@@ -38,7 +38,14 @@ def build(slots: Path, backend: Backend, *, speed: Speed, realtime: bool) -> Loo
     keeper = Keeper(slots.with_name(MEMORY), core, backend) if isinstance(backend, Restorable) else None
     # At speed max no time passes between acts.
     still = Stillness(core, backend) if speed is Speed.REAL and isinstance(backend, Restable) else None
-    return LoopProcess(core, LoopLink(slots), speed=speed, truth=truth, pacer=pacer, keeper=keeper, still=still)
+    stirred = None
+    if isinstance(backend, MujocoBackend):
+        stirred = backend.disturbed
+        if keeper is not None and keeper.restored:
+            backend.resume()
+    return LoopProcess(
+        core, LoopLink(slots), speed=speed, truth=truth, pacer=pacer, keeper=keeper, still=still, stirred=stirred
+    )
 
 
 @app.command()

@@ -14,6 +14,7 @@ needs no heartbeat. Silence is counted in turns, so suspending a machine with ag
 """
 
 import time
+from collections.abc import Callable
 from enum import StrEnum
 
 import msgspec
@@ -32,6 +33,7 @@ SETTLE_S = 0.4  # for things to come to rest on their shelves before anybody loo
 SHOW_EVERY, TRUTH_EVERY, TIMING_EVERY = 5, 50, 500  # cycles: 10 ms, 0.1 s, 1 s
 LOOK_EVERY, SHOW_STILL_EVERY = 10, 50  # cycles of a still world between two looks for a command, and two states shown;
 # estimates: with a look every 10 ms the loop took 2.7 % of a core, with one every 20 ms 2.0 (measured 2026-11-27)
+UNREST_S = 2.0  # simulated, until what somebody pushed or tipped rests; at speed max nothing else moves it; estimate
 IDLE_S = 0.002  # pause between two looks while time stands still
 
 
@@ -47,7 +49,8 @@ class LoopProcess:
 
     `keeper` saves the core after each cycle, None for a robot whose world does not end with this process. A motion that
     a killed loop left is cancelled: who asked for it sees a new loop, and takes it for lost. `still`: None for a robot
-    whose every cycle has to be computed.
+    whose every cycle has to be computed. `stirred`: asked in each turn whether somebody has just changed a simulated
+    world, so that it does not rest.
     """
 
     def __init__(
@@ -60,9 +63,11 @@ class LoopProcess:
         pacer: Pacer,
         keeper: Keeper | None = None,
         still: Stillness | None = None,
+        stirred: Callable[[], bool] | None = None,
     ) -> None:
         self.core, self._link, self._speed, self._truth, self._pacer = core, link, speed, truth, pacer
         self._keeper, self._still = keeper, still
+        self._stirred, self._unrest = stirred, 0
         self._told, self._shown = Told(), core.mode
         self._beat, self._silent = link.heartbeat(), 0
         if self.restored:
@@ -79,16 +84,24 @@ class LoopProcess:
         self._people()
         self._take()
         self._listen()
+        self._look_at_world()
         if self._speed is Speed.REAL:
             if self._still is not None and self._still.reached and self.core.cycles % LOOK_EVERY == 0:
                 self._rest(self._still)
             else:
                 self._cycle()
-        elif self.core.busy and not self._late and not self.core.look_due:
+        elif (self.core.busy or self._unrest) and not self._late and not self.core.look_due:
+            self._unrest = max(0, self._unrest - 1)
             self._pacer.go()
             self._cycle()
         else:
             time.sleep(IDLE_S)
+
+    def _look_at_world(self) -> None:
+        if self._stirred is not None and self._stirred():
+            self._unrest = round(UNREST_S / self.core.backend.period_s)
+            if self._still is not None:
+                self._still.restart()
 
     def _cycle(self) -> None:
         self.core.cycle()

@@ -2,7 +2,7 @@
 
 from companion.design import DESIGN
 from companion.languages import LANGUAGES
-from companion.run_files import SLOTS_FILE
+from companion.run_files import DISTURBANCES_FILE, SLOTS_FILE
 from companion.wording import plain, words
 from operate.supervisor.processes import FIRST, Process, around
 from operate.system import Additions, Job, System
@@ -89,8 +89,9 @@ SYSTEM = System(
         why="companion.tools.why.plans:passages",
         believed="companion.tools.why.beliefs:believed",
         untouchable="companion.tools.verbs.real_robot:untouchable",
+        faults="companion.tools.verbs.fault:KINDS",
     ),
     job=JOB,
-    variables={"ROCO_SLOTS": f"{{run}}/{SLOTS_FILE}"},
+    variables={"ROCO_SLOTS": f"{{run}}/{SLOTS_FILE}", "ROCO_DISTURBANCES": f"{{run}}/{DISTURBANCES_FILE}"},
     entry="companion.tools.system:SYSTEM",
 )

@@ -196,5 +196,6 @@ def _away(records: tuple[Any, ...], faults: tuple[Fault, ...]) -> Iterator[Away]
 
 def _fault(back: Token, faults: tuple[Fault, ...]) -> str:
     """Return the kind of the newest fault that was done to an agent before it came back, within LONGEST_S."""
-    done = [one for one in faults if one.target == back.agent and 0.0 <= back.received - one.began <= LONGEST_S]
+    hit = [one for one in faults if one.target == back.agent and not one.what]
+    done = [one for one in hit if 0.0 <= back.received - one.began <= LONGEST_S]
     return done[-1].kind if done else ""

@@ -66,7 +66,8 @@ class Busy(msgspec.Struct, frozen=True):
 class FaultAt(msgspec.Struct, frozen=True):
     """A fault that was done on purpose, from `start` to `end` [s after the first communicate]; null: to the end.
 
-    `at`: the moment that was asked for, "" for at once; `text`: what came of it.
+    `at`: the moment that was asked for, "" for at once; `text`: what came of it; `what`: of a kind that only this
+    system has, what was done to which part, in words.
     """
 
     kind: str
@@ -75,6 +76,7 @@ class FaultAt(msgspec.Struct, frozen=True):
     start: float
     end: float | None
     text: str
+    what: str = ""
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -187,7 +189,13 @@ def faults(history: History) -> tuple[FaultAt, ...]:
     begin = history.begin
     return tuple(
         FaultAt(
-            one.kind, one.target, one.at, one.began - begin, None if one.ended is None else one.ended - begin, one.text
+            one.kind,
+            one.target,
+            one.at,
+            one.began - begin,
+            None if one.ended is None else one.ended - begin,
+            one.text,
+            one.what,
         )
         for one in history.faults
     )

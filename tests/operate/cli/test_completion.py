@@ -60,6 +60,8 @@ FREE = {
     ("chaos", "budget"): A_NUMBER,
     ("keys make", "days"): A_NUMBER,
     ("keys make", "keep"): A_NUMBER,
+    ("fault sensor", "by"): A_NUMBER,
+    ("fault thing", "by"): A_NUMBER,
     ("keys make", "host"): "a name or an address of another machine",
 }
 """(verb, or * for all; parameter) -> why nothing can be completed."""

@@ -19,6 +19,10 @@ VERBS: Table = {
         "page": (f"{ROOM}.page:page", "Pair a browser with the person's page: print an address that does it once."),
         "ask": (f"{ROOM}.ask:ask", "Ask what the robot knows, in SPARQL."),
     },
+    "Faults, on purpose": {
+        "fault sensor": (f"{ROOM}.fault:sensor", "Let a sense of the simulated robot fail."),
+        "fault thing": (f"{ROOM}.fault:thing", "Push, tip, remove or add a thing of the simulated world."),
+    },
     "Runs reported, repeated, compared": {
         "experiment pour": (
             f"{ROOM}.experiment:pour",

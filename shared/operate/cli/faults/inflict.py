@@ -12,7 +12,7 @@ import msgspec
 
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.faults import kinds
-from operate.cli.faults.kinds import KINDS
+from operate.cli.faults.kinds import KINDS, Kind
 from operate.cli.fleet import process_status
 from operate.cli.fleet.agent import LOG_LINES, READY_S, named
 from operate.cli.fleet.process_status import Seen
@@ -31,7 +31,9 @@ def refuse(fleet: Target) -> None:
         raise FleetError(f"no fault is done to {fleet.where}: {why}; faults are for simulated robots")
 
 
-def planned(fleet: Target, kind: str, name: str, at: str, amount: float = 0.0, speaker: str = "") -> Fault:
+def planned(
+    fleet: Target, kind: str, name: str, at: str, amount: float = 0.0, speaker: str = "", what: str = ""
+) -> Fault:
     """Return a fault of a process that runs. Raise UsageError: no such process; FleetError: it does not run."""
     one = named(fleet, name)
     if not one.status.pid or one.used is None:
@@ -49,14 +51,15 @@ def planned(fleet: Target, kind: str, name: str, at: str, amount: float = 0.0, s
         by_start=_started(by),
         amount=amount,
         speaker=speaker,
+        what=what,
     )
 
 
 class Inflicting:
-    """One fault of a fleet. `fault`: as it was noted last."""
+    """One fault of a fleet. `fault`: as it was noted last; `kind`: of a fault that only this system has."""
 
-    def __init__(self, fleet: Target, fault: Fault) -> None:
-        self._fleet, self.fault, self._kind = fleet, fault, KINDS[fault.kind]
+    def __init__(self, fleet: Target, fault: Fault, kind: Kind | None = None) -> None:
+        self._fleet, self.fault, self._kind = fleet, fault, kind or KINDS[fault.kind]
 
     def run(self, wait: Callable[[], None], for_s: float, told: Callable[[str], None]) -> Fault:
         """Note it, `wait` for its moment, do it, and heal it after `for_s` at the latest; the fault as it ended.
@@ -142,10 +145,11 @@ def heal(fleet: Target, faults: list[Fault]) -> list[Fault]:
     """Heal faults, newest first; as they are noted then."""
     healed = []
     for fault in reversed(faults):
-        if fault.kind not in KINDS:
+        every = KINDS if fault.kind in KINDS else fleet.system.addition("faults") or {}
+        if fault.kind not in every:
             raise UsageError(f"a fault of kind {fault.kind!r} was done by a newer roco; heal it with that one")
         if any(one.name == fault.target for one in fleet.look().seen):
-            KINDS[fault.kind].heal(fleet, fault)
+            every[fault.kind].heal(fleet, fault)
         healed.append(noted(fleet, msgspec.structs.replace(fault, ended=time.time(), text="healed later")))
     return healed
 

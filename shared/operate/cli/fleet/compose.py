@@ -118,6 +118,10 @@ class Compose:
         """Return the contents of a file in the run folder of a process."""
         return self._shell(name, f'cat "${RUN_FOLDER_VARIABLE}/{file}"')
 
+    def put(self, file: str, data: bytes) -> None:
+        """Raise FleetError: containers share no run folder."""
+        raise FleetError(f"the processes of {self.where} share no run folder for {file}; a local fleet does: `roco up`")
+
     def hold(self, name: str, held: bool) -> None:
         """Set the stop flag of a process, or clear it: one byte, written in place, since the file may be mapped.
 

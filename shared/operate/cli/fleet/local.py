@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from agent_runtime.io.fleet_processes import set_stop, variables
-from agent_runtime.io.run_files import heartbeat_file, opened
+from agent_runtime.io.run_files import heartbeat_file, opened, write_whole
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import process_status, starting
 from operate.cli.fleet.identity import OPERATOR
@@ -57,6 +57,10 @@ class Local:
             return (self.run / file).read_bytes()
         except OSError:
             return b""
+
+    def put(self, file: str, data: bytes) -> None:
+        """Replace a file in the run folder at once."""
+        write_whole(self.run / file, data)
 
     def hold(self, name: str, held: bool) -> None:
         """Set the stop flag in the run folder of a process, or clear it."""

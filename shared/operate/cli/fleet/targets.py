@@ -65,6 +65,9 @@ class Target(Protocol):
         that process has no running container.
         """
 
+    def put(self, file: str, data: bytes) -> None:
+        """Replace a file in the run folder at once. FleetError: this fleet has no folder that all processes share."""
+
     def hold(self, name: str, held: bool) -> None:
         """Set the stop flag in the run folder of a process, or clear it."""
 

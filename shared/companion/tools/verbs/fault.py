@@ -1,0 +1,254 @@
+"""`roco fault sensor`, `roco fault thing`: senses of the simulated robot that fail, things that somebody moves.
+
+The order stands in a file of the run folder that the simulator alone reads; the robot's agents are told nothing.
+"""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from msgspec.structs import replace
+
+from companion.eyes import VARIABLE as EYES
+from companion.eyes import Eyes
+from companion.languages import values
+from companion.run_files import DISTURBANCES_FILE
+from companion.tools.verbs.real_robot import BACKEND, LOOP
+from operate.cli import interrupts
+from operate.cli.completion import among
+from operate.cli.errors import ConsoleError, FleetError, UsageError
+from operate.cli.faults import inflict, moments
+from operate.cli.faults.kinds import Kind
+from operate.cli.faults.verbs import WITHIN_S, At, Within, heal_left, lasted
+from operate.cli.fleet import living_names, targets
+from operate.cli.fleet.targets import Target
+from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.run_folder import Fault
+from operate.wires.files import WIRES_FILE
+from velma.errors import VelmaError
+from velma.model import scene
+from velma.model.kinds import MOVEABLE
+from velma.sim import disturbances
+from velma.sim.disturbances import SENSES, Disturbance, Of
+
+EYE = "ex"
+"""The process whose child takes the camera's pictures."""
+SCENE = "ROCO_SCENE"
+FOR_S = 10.0
+"""Estimate: an act of the robot takes 3 to 10 s."""
+
+
+class Sense(StrEnum):
+    """Senses that can fail."""
+
+    WRIST = Of.WRIST.value
+    CAMERA = Of.CAMERA.value
+    ENCODER = Of.ENCODER.value
+    GRIP = Of.GRIP.value
+
+
+class Failing(StrEnum):
+    """How senses fail."""
+
+    ZERO = disturbances.Kind.ZERO.value
+    STUCK = disturbances.Kind.STUCK.value
+    NAN = disturbances.Kind.NAN.value
+    BIAS = disturbances.Kind.BIAS.value
+    BLACK = disturbances.Kind.BLACK.value
+    FROZEN = disturbances.Kind.FROZEN.value
+    DIMMED = disturbances.Kind.DIMMED.value
+    MIRRORED = disturbances.Kind.MIRRORED.value
+
+
+class Moved(StrEnum):
+    """What somebody does with a thing."""
+
+    PUSHED = disturbances.Kind.PUSHED.value
+    REMOVED = disturbances.Kind.REMOVED.value
+    TIPPED = disturbances.Kind.TIPPED.value
+    ADDED = disturbances.Kind.ADDED.value
+
+
+def joints(incomplete: str) -> list[str]:
+    """The joints that have an encoder."""
+    return among(disturbances.ON[Of.ENCODER], incomplete)
+
+
+def moveable(ctx: typer.Context, incomplete: str) -> list[str]:
+    """The things of a fleet's scene that can be taken; none where no fleet is there."""
+    fleet = living_names.meant(ctx)
+    with suppress(ConsoleError):
+        return [] if fleet is None else among(things(fleet), incomplete)
+    return []
+
+
+For = Annotated[float, typer.Option("--for", min=0.1, help="How long it lasts [s]; then it is healed.")]
+
+
+def sensor(
+    sense: Annotated[Sense, typer.Argument(help="What fails.")],
+    kind: Annotated[Failing, typer.Option(help="How it fails; each sense has some of them.")],
+    side: Annotated[values.Side | None, typer.Option(help="Of wrist and grip; else both.")] = None,
+    joint: Annotated[
+        str, typer.Option(metavar="NAME", help="Of encoder, such as left_arm_3_joint.", autocompletion=joints)
+    ] = "",
+    by: Annotated[
+        float | None,
+        typer.Option(metavar="SIZE", help="Of a bias, in N or rad; of dimmed, the share of light that is left."),
+    ] = None,
+    at: At = "",
+    for_: For = FOR_S,
+    within: Within = WITHIN_S,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Let a sense of the simulated robot fail.
+
+    wrist: zero, stuck, nan, bias. camera: black, frozen, dimmed, mirrored. encoder: bias, stuck. grip (what the
+    fingers feel): stuck, zero. The fleet is up with --faults; nothing tells the robot.
+
+    Examples:
+      roco fault sensor wrist --kind zero --side left
+      roco fault sensor encoder --kind bias --joint left_arm_3_joint --by 0.05
+      roco fault sensor camera --kind frozen --for 20
+    """
+    with problems(form), interrupts.heard():
+        one = Disturbance("", Of(sense), disturbances.Kind(kind), joint or side or "", () if by is None else (by,))
+        if joint and side:
+            raise UsageError("--side and --joint name two parts; an encoder has a joint, wrist and grip have a side")
+        if sense is Sense.ENCODER and not joint:
+            raise UsageError(f"which encoder? name its joint: --joint, one of {', '.join(disturbances.ON[Of.ENCODER])}")
+        ordered(one, at, for_, within, target, run_dir, form)
+
+
+def thing(
+    name: Annotated[
+        str,
+        typer.Argument(metavar="NAME", help="A thing of the scene that can be taken: jar_1.", autocompletion=moveable),
+    ],
+    kind: Annotated[Moved, typer.Option(help="What somebody does with it.")],
+    by: Annotated[
+        str,
+        typer.Option(
+            metavar="X,Y,Z",
+            help="In the robot's frame: how far it is pushed (m), in which direction it is tipped, at which place it is"
+            " added (m); else 5 cm to its left, to its left, where the scene has it.",
+        ),
+    ] = "",
+    at: At = "",
+    for_: For = FOR_S,
+    within: Within = WITHIN_S,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Push, tip, remove or add a thing of the simulated world.
+
+    What is removed stands on the floor behind the robot, and is put back after --for; added is a thing that stands
+    elsewhere. What was pushed, tipped or added stays so. The fleet is up with --faults; nothing tells the robot.
+
+    Examples:
+      roco fault thing bowl_1 --kind pushed --by 0,-0.05,0
+      roco fault thing jar_1 --kind tipped --at pl:searching
+      roco fault thing jar_1 --kind removed --for 60
+    """
+    with problems(form), interrupts.heard():
+        one = Disturbance("", Of.THING, disturbances.Kind(kind), name, vector(by))
+        ordered(one, at, for_, within, target, run_dir, form)
+
+
+def ordered(
+    one: Disturbance, at: str, for_s: float, within_s: float, target: str, run_dir: Path | None, form: Format
+) -> None:
+    """Do a disturbance from its order to its end, and tell what came of it."""
+    fleet = targets.find(target, run_dir)
+    inflict.refuse(fleet)
+    if wrong := disturbances.wrong(one):
+        raise UsageError(wrong)
+    possible(fleet, one)
+    process = EYE if one.of is Of.CAMERA else LOOP
+    moment = moments.parse(at, fleet.system.design, process)
+    heal_left(fleet, form)
+    fault = inflict.planned(fleet, KIND[one.of], process, moments.words(moment), what=words(one))
+    wait = partial(moments.wait, moment, within_s, target, run_dir)
+    begun = partial(_tell_begun, form)
+    ended = inflict.Inflicting(fleet, fault, _kind(replace(one, id=fault.id), for_s)).run(wait, for_s, begun)
+    if form is Format.JSON:
+        tell_json(ended)
+    else:
+        print(f"{ended.words}: {ended.text}, {lasted(ended):.1f} s")
+
+
+def possible(fleet: Target, one: Disturbance) -> None:
+    """Raise FleetError or UsageError where this fleet has nothing that could be disturbed so."""
+    if not fleet.read(LOOP, WIRES_FILE):
+        raise FleetError(f"{fleet.where} was started without --faults; start the fleet with `roco up --faults`")
+    if fleet.variable(LOOP, BACKEND) == "mock":
+        raise UsageError("the back-end mock has neither senses nor things; the fleet needs the back-end mujoco")
+    if one.of is Of.CAMERA and fleet.variable(EYE, EYES) == Eyes.RAYS:
+        raise UsageError("this robot sees by rays, it has no camera; start the fleet with `roco up --eyes pixels`")
+    if one.of is Of.THING:
+        there = things(fleet)
+        if one.on not in there:
+            raise UsageError(f"no thing {one.on!r} can be moved; there are {', '.join(there) or 'none'}")
+
+
+def things(fleet: Target) -> list[str]:
+    """Return the things of the fleet's scene that can be taken."""
+    file = fleet.variable(LOOP, SCENE)
+    try:
+        world = scene.load(Path(file)) if file else scene.load()
+    except VelmaError as error:
+        raise FleetError(f"the scene of {fleet.where} cannot be read any more: {error}") from error
+    return [one.id for one in world.of(*MOVEABLE)]
+
+
+def vector(text: str) -> tuple[float, ...]:
+    """Return the three numbers of "0,-0.05,0"; () for "". Raise UsageError."""
+    try:
+        numbers = tuple(float(one) for one in text.split(",")) if text else ()
+    except ValueError:
+        numbers = (0.0,)
+    if len(numbers) not in (0, 3):
+        raise UsageError(f"--by {text}: three numbers with commas between, as 0,-0.05,0")
+    return numbers
+
+
+def words(one: Disturbance) -> str:
+    """Return a disturbance in words: "wrist zero left", "encoder bias left_arm_3_joint by 0.05"."""
+    by = f"by {','.join(f'{x:g}' for x in one.by)}" if one.by else ""
+    parts = (one.on, one.kind, by) if one.of is Of.THING else (one.of, one.kind, one.on, by)
+    return " ".join(filter(None, parts))
+
+
+def _kind(one: Disturbance, for_s: float) -> Kind:
+    """Return the kind of a fault that is this disturbance."""
+    return _row(lambda fleet, _: _write(fleet, one.id, (replace(one, until=time.time() + for_s),)))
+
+
+def _row(begin: Callable[[Target, Fault], None]) -> Kind:
+    return Kind(begin, lambda seen, fault: "", lambda fleet, fault: _write(fleet, fault.id, ()), FOR_S)
+
+
+def _write(fleet: Target, name: str, instead: tuple[Disturbance, ...]) -> None:
+    """Put this in place of what stands under a name in the file, and leave out what has ended by itself."""
+    before, now = disturbances.decoded(fleet.read(LOOP, DISTURBANCES_FILE)), time.time()
+    others = tuple(one for one in before if one.id != name and (one.until is None or one.until > now))
+    if (after := (*others, *instead)) != before:
+        fleet.put(DISTURBANCES_FILE, disturbances.encoded(after))
+
+
+def _tell_begun(form: Format, text: str) -> None:
+    if form is Format.TEXT:
+        print(text)
+
+
+KIND = dict.fromkeys(SENSES, "sensor") | {Of.THING: "thing"}
+KINDS = dict.fromkeys(KIND.values(), _row(lambda fleet, fault: None))
+"""What heals a fault whose command is gone."""

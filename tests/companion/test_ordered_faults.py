@@ -1,0 +1,100 @@
+"""`roco fault sensor` and `thing` where they cannot be done, and their words."""
+
+from pathlib import Path
+
+import pytest
+
+from companion.eyes import VARIABLE as EYES
+from companion.run_files import DISTURBANCES_FILE
+from companion.tools.verbs import fault
+from companion.tools.verbs.real_robot import BACKEND
+from operate.cli.errors import ConsoleError, FleetError, UsageError
+from operate.cli.fleet.local import Local
+from operate.run_folder import Fault
+from operate.wires.files import WIRES_FILE
+from velma.model import scene
+from velma.sim import disturbances
+from velma.sim.disturbances import Disturbance, Kind, Of
+
+BLACK, ZERO = Disturbance("a", Of.CAMERA, Kind.BLACK), Disturbance("b", Of.WRIST, Kind.ZERO)
+
+
+class Told(Local):
+    """A fleet of a run folder whose processes have these variables."""
+
+    def __init__(self, run: Path, **variables: str) -> None:
+        super().__init__(run)
+        self.variables = variables
+
+    def variable(self, name: str, variable: str) -> str:
+        return self.variables.get(variable, "")
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """The folder of a fleet that was started with --faults."""
+    (tmp_path / WIRES_FILE).write_bytes(b"{}")
+    return tmp_path
+
+
+def refused(fleet: Local, one: Disturbance) -> str:
+    with pytest.raises(ConsoleError) as told:
+        fault.possible(fleet, one)
+    return str(told.value)
+
+
+def test_a_fleet_without_faults_is_left_alone(tmp_path: Path) -> None:
+    assert "was started without --faults; start the fleet with `roco up --faults`" in refused(Told(tmp_path), ZERO)
+
+
+def test_where_there_is_nothing_that_could_fail(run: Path) -> None:
+    """The mock has no senses, rays have no camera; all else is possible."""
+    assert "back-end mujoco" in refused(Told(run, **{BACKEND: "mock"}), ZERO)
+    assert "`roco up --eyes pixels`" in refused(Told(run, **{EYES: "rays"}), BLACK)
+    fault.possible(Told(run, **{EYES: "rays"}), ZERO)
+    fault.possible(Told(run), BLACK)
+
+
+def test_things_are_those_of_the_scene_that_the_fleet_has(run: Path) -> None:
+    """Those that can be taken; a scene that is gone is told."""
+    pushed = Disturbance("c", Of.THING, Kind.PUSHED, "box_1")
+    assert "there are jar_1, bowl_1" in refused(Told(run), pushed)
+    box = scene.CANONICAL.with_stem("box")
+    fault.possible(Told(run, ROCO_SCENE=str(box)), pushed)
+    with pytest.raises(FleetError, match="cannot be read any more"):
+        fault.possible(Told(run, ROCO_SCENE=str(run / "gone.toml")), pushed)
+
+
+@pytest.mark.parametrize("text", ["1", "1,2", "a,b,c", "1,2,3,4"])
+def test_a_vector_has_three_numbers(text: str) -> None:
+    with pytest.raises(UsageError, match=r"three numbers with commas between, as 0,-0\.05,0"):
+        fault.vector(text)
+
+
+def test_a_vector_is_read() -> None:
+    assert (fault.vector("0,-0.05,1e-3"), fault.vector("")) == ((0.0, -0.05, 0.001), ())
+
+
+def test_words() -> None:
+    """As the record and the report have them."""
+    bias = Disturbance("d", Of.ENCODER, Kind.BIAS, "left_arm_3_joint", (0.05,))
+    assert fault.words(bias) == "encoder bias left_arm_3_joint by 0.05"
+    assert fault.words(ZERO) == "wrist zero"
+    assert fault.words(Disturbance("e", Of.THING, Kind.REMOVED, "jar_1")) == "jar_1 removed"
+    noted = Fault(id="d", kind="sensor", target="loop", t=0.0, what=fault.words(bias))
+    assert noted.words == "sensor encoder bias left_arm_3_joint by 0.05"
+
+
+def test_faults_of_several_commands_stand_beside_each_other(run: Path) -> None:
+    """Each takes back its own; what has ended by itself is left out."""
+    fleet, kinds = Told(run), {name: fault._kind(Disturbance(name, Of.WRIST, Kind.ZERO), 60.0) for name in "ab"}
+    noted = {name: Fault(id=name, kind="sensor", target="loop", t=0.0) for name in "ab"}
+    disturbances.write(run / DISTURBANCES_FILE, (Disturbance("old", Of.WRIST, Kind.NAN, until=1.0),))
+    for name, kind in kinds.items():
+        kind.begin(fleet, noted[name])
+    assert [one.id for one in disturbances.read(run / DISTURBANCES_FILE)] == ["a", "b"]
+    fault.KINDS["sensor"].heal(fleet, noted["a"])
+    kinds["a"].heal(fleet, noted["a"])
+    assert [one.id for one in disturbances.read(run / DISTURBANCES_FILE)] == ["b"]
+    kinds["b"].heal(fleet, noted["b"])
+    assert disturbances.read(run / DISTURBANCES_FILE) == ()

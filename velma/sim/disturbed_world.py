@@ -1,0 +1,294 @@
+"""The simulated world as disturbances.py disturbs it: things that somebody pushes, tips, takes away or brings, joints
+and fingers that stick, hands without friction, heavy grains, furniture that is moved.
+
+Somebody's hand that pushes is a force near the thing's foot that follows a moving point, with a limit: what stands in
+the way stops it, and nothing is turned. One that tips is a torque, until the thing has fallen or time is over.
+What is taken away or brought is at its new place at once: nobody sees by whom. The content of a vessel goes with it.
+"""
+
+import math
+from collections.abc import Callable, Generator, Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from velma.model.grains import GRAIN
+from velma.model.kinds import FURNITURE, MOVEABLE, Model
+from velma.model.numbers import objects
+from velma.model.scene import Scene
+from velma.names import DISTAL, FINGERS, PROXIMAL
+from velma.sim.backend import PERIOD_S, Array
+from velma.sim.disturbances import Disturbance, Kind, Of
+
+PUSH_S, PUSH_N = 0.3, 12.0  # how long a hand pushes, and how hard at most; estimates: a careless arm
+STIFF, DAMPED = 1500.0, 40.0  # N/m, Ns/m of a pushing hand; a jar of 0.2 kg lags by 1 mm against friction
+LOW_M = 0.01  # above its foot: higher up, the hand would topple a jar
+TIP_S = 1.0  # the longest tip; estimate
+FALLEN_DEG, ROLLED_DEG = 60.0, 100.0  # from there on a jar or box falls by itself; a bowl, past its rim
+OVER = 2.0  # times the torque that just tips a thing; estimate
+MOVE_S = 1.0  # for furniture; estimate: what stands on it stays on it
+ASIDE = (-2.0, 2.0)  # m, on the floor behind the robot, where it neither looks nor reaches
+APART_M = 0.4  # between things there
+STANDS_M = 0.001  # above the floor, so that nothing is pressed into it
+NEAR_M = 0.13  # of a vessel's middle: what is nearer is in it (a jar's half diagonal is 0.11 m)
+OVER_TOP_M = 0.35  # above furniture: what stands on it, or on what stands on it, is moved along
+_SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+Going = Generator[None, None, None]
+
+
+class DisturbedWorld:
+    """What goes on in a world. Call `set` between two steps, and `step` before each as long as `busy`."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, scene: Scene) -> None:
+        self._model, self._data = model, data
+        self._kind = {thing.id: thing.model for thing in scene.things}
+        self._home = {thing.id: np.array(thing.xyz) for thing in scene.things}
+        names = [model.body(body).name for body in range(model.nbody)]
+        self._grains = [name for name in names if name.startswith(GRAIN)]
+        self._hands = [g for g in range(model.ngeom) if "_Hand" in names[model.geom_bodyid[g]]]
+        self._going: dict[str, Going] = {}
+        self._undo: dict[str, Callable[[], None]] = {}
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is under way that needs its part in each step."""
+        return bool(self._going)
+
+    def set(self, going_on: Sequence[Disturbance]) -> bool:
+        """Begin what is new, undo what has ended. Return whether the world was changed, so that nothing rests."""
+        now = {one.id: one for one in going_on if one.of in _BEGIN}
+        ended = [name for name in self._undo if name not in now]
+        for name in ended:
+            if name in self._going:
+                self._going.pop(name).close()
+            self._undo.pop(name)()
+        begun = [one for name, one in now.items() if name not in self._undo]
+        for one in begun:
+            self._undo[one.id] = _BEGIN[one.of](self, one)
+        if ended or begun:
+            mujoco.mj_step1(self._model, self._data)
+        return bool(ended or begun)
+
+    def forget(self, going_on: Sequence[Disturbance]) -> None:
+        """Take what befell things as done: another simulator did it, and this one goes on in its world."""
+        for one in going_on:
+            if one.of is Of.THING and one.kind is not Kind.MOVED:
+                back = one.kind is Kind.REMOVED and one.on in self._kind
+                self._undo[one.id] = self._bringing(one.on, self._home[one.on]) if back else _nothing
+        self._data.xfrc_applied[:] = 0.0
+
+    def step(self) -> None:
+        """Do a cycle's part of what is under way."""
+        for name, going in list(self._going.items()):
+            if next(going, _ENDED) is _ENDED:
+                del self._going[name]
+
+    # --- things -------------------------------------------------------------------------------------------------------
+
+    def _thing(self, one: Disturbance) -> Callable[[], None]:
+        if one.on not in self._kind:
+            return _nothing
+        size = np.array(one.size)
+        match one.kind:
+            case Kind.MOVED if self._kind[one.on] in FURNITURE:
+                return self._furniture(one.id, one.on, size)
+            case _ if self._kind[one.on] not in MOVEABLE:
+                return _nothing
+            case Kind.PUSHED:
+                self._going[one.id] = self._push(one.on, size)
+            case Kind.TIPPED:
+                self._going[one.id] = self._tip(one.on, size)
+            case Kind.REMOVED:
+                back = self._data.body(one.on).xpos.copy()
+                self._carry(one.on, self._aside(one.on))
+                return self._bringing(one.on, back)
+            case Kind.ADDED:
+                self._carry(one.on, size if size.size else self._home[one.on])
+        return _nothing
+
+    def _push(self, name: str, by: Array) -> Going:
+        """Push a thing by a vector (3,) [m], as far as nothing stops it."""
+        body, data = self._model.body(name).id, self._data
+        begun, cycles = data.xipos[body].copy(), round(PUSH_S / PERIOD_S)
+        before, flat = begun.copy(), np.array([1.0, 1.0, 1.0 if by[2] else 0.0])
+        try:
+            for cycle in range(1, cycles + cycles // 2):
+                share = min(1.0, cycle / cycles)
+                wanted, now = begun + share * by, data.xipos[body].copy()
+                speed = (by / PUSH_S if share < 1.0 else 0.0) - (now - before) / PERIOD_S
+                force = (STIFF * (wanted - now) + DAMPED * speed) * flat
+                force *= min(1.0, PUSH_N / max(1e-9, float(np.linalg.norm(force))))
+                foot = data.xpos[body] - (_height(self._kind[name]) - LOW_M) * data.xmat[body].reshape(3, 3)[:, 2]
+                data.xfrc_applied[body] = (*force, *np.cross(foot - now, force))
+                before = now
+                yield
+        finally:
+            data.xfrc_applied[body] = 0.0
+
+    def _tip(self, name: str, towards: Array) -> Going:
+        """Tip a thing over in a direction (3,), of which the horizontal part counts."""
+        body, model, data = self._model.body(name).id, self._model, self._data
+        weight = 9.81 * (model.body_mass[body] + sum(model.body(g).mass[0] for g in self._inside(name)))
+        x, y, _ = towards / max(1e-9, float(np.linalg.norm(towards[:2])))
+        torque = OVER * weight * _foot(self._kind[name]) * np.array([-y, x, 0.0])
+        over = math.cos(math.radians(ROLLED_DEG if self._kind[name] is Model.BOWL else FALLEN_DEG))
+        try:
+            for _ in range(round(TIP_S / PERIOD_S)):
+                if data.xmat[body][8] < over:
+                    break
+                data.xfrc_applied[body, 3:] = torque
+                yield
+        finally:
+            data.xfrc_applied[body] = 0.0
+
+    def _aside(self, name: str) -> Array:
+        number = list(self._kind).index(name)
+        return np.array([ASIDE[0], ASIDE[1] + APART_M * number, _height(self._kind[name]) + STANDS_M])
+
+    def _bringing(self, name: str, at: Array) -> Callable[[], None]:
+        return lambda: self._carry(name, at)
+
+    def _carry(self, name: str, to: Array) -> None:
+        """Put a thing upright and at rest with its origin at `to` (3,) [m, world], what is in it with it."""
+        body = self._data.body(name)
+        turn, at = body.xmat.reshape(3, 3).copy(), body.xpos.copy()
+        inside = [(g, turn.T @ (self._data.body(g).xpos - at)) for g in self._inside(name)]
+        joint = self._model.joint(name)
+        self._data.qpos[joint.qposadr[0] + np.arange(7)] = (*to, 1.0, 0.0, 0.0, 0.0)
+        self._data.qvel[joint.dofadr[0] + np.arange(6)] = 0.0
+        for grain, local in inside:
+            self._shift(grain, to + local - self._data.body(grain).xpos)
+            self._still(grain)
+
+    def _inside(self, name: str) -> list[str]:
+        """Return the grains in a vessel."""
+        if self._kind[name] not in (Model.JAR, Model.BOWL):
+            return []
+        body = self._data.body(name)
+        up = body.xmat.reshape(3, 3)[:, 2]
+        middle = body.xpos + (0.05 * up if self._kind[name] is Model.BOWL else 0.0)
+        return [g for g in self._grains if np.linalg.norm(self._data.body(g).xpos - middle) < NEAR_M]
+
+    def _shift(self, name: str, by: Array) -> None:
+        self._data.qpos[self._model.jnt_qposadr[self._model.body(name).jntadr[0]] + np.arange(3)] += by
+
+    def _still(self, name: str) -> None:
+        self._data.qvel[self._model.jnt_dofadr[self._model.body(name).jntadr[0]] + np.arange(3)] = 0.0
+
+    # --- furniture ----------------------------------------------------------------------------------------------------
+
+    def _furniture(self, key: str, name: str, by: Array) -> Callable[[], None]:
+        """Move furniture with what stands in and on it; what ends it moves it back."""
+        base = self._model.body(name).pos.copy()
+        self._going[key] = self._drag(name, base, base + by)
+
+        def back() -> None:
+            self._going[f"{key} back"] = self._drag(name, self._model.body(name).pos.copy(), base)
+
+        return back
+
+    def _drag(self, name: str, base: Array, to: Array) -> Going:
+        along, cycles = self._standing(name), round(MOVE_S / PERIOD_S)
+        self._model.opt.enableflags &= ~_SLEEP  # MuJoCo does not place again what is fast while things sleep
+        try:
+            for cycle in range(1, cycles + 1):
+                before = self._model.body(name).pos.copy()
+                self._model.body(name).pos[:] = base + (to - base) * cycle / cycles
+                for one in along:
+                    self._shift(one, self._model.body(name).pos - before)
+                yield
+            yield
+        finally:
+            self._model.opt.enableflags |= _SLEEP
+
+    def _standing(self, name: str) -> list[str]:
+        """Return things and grains in the space of furniture, and above it as far as things reach."""
+        model, data, body = self._model, self._data, self._model.body(name).id
+        geoms = np.flatnonzero(model.geom_bodyid == body)
+        corners = np.concatenate([_corners(data.geom_xmat[g], data.geom_xpos[g], model.geom_size[g]) for g in geoms])
+        low, high = corners.min(axis=0), corners.max(axis=0) + np.array([0.0, 0.0, OVER_TOP_M])
+        moveable = [one for one, kind in self._kind.items() if kind in MOVEABLE]
+        at = {one: data.body(one).xpos for one in (*moveable, *self._grains)}
+        return [one for one, xyz in at.items() if (low < xyz).all() and (xyz < high).all()]
+
+    # --- what is a parameter of the model -----------------------------------------------------------------------------
+
+    def _stick(self, one: Disturbance) -> Callable[[], None]:
+        names = (one.on,) if one.of is Of.JOINT else _finger(one.on)
+        dofs = np.array([self._model.joint(name).dofadr[0] for name in names], dtype=np.intp)
+        self._going[one.id] = self._kept(self._model.dof_frictionloss, dofs, one.size[0])
+        return _putting(self._model.dof_frictionloss, dofs)
+
+    def _kept(self, numbers: Array, at: NDArray[np.intp], value: float) -> Going:
+        while True:  # a hand's lock writes there, too
+            numbers[at] = value
+            yield
+
+    def _slip(self, _: Disturbance) -> Callable[[], None]:
+        back = _putting(self._model.geom_friction, np.array(self._hands, dtype=np.intp))
+        self._model.geom_friction[self._hands] = 0.0
+        return back
+
+    def _weigh(self, one: Disturbance) -> Callable[[], None]:
+        model = self._model
+        bodies = np.array([model.body(name).id for name in self._grains], dtype=np.intp)
+        undo = _putting(model.body_mass, bodies), _putting(model.body_inertia, bodies)
+        model.body_mass[bodies] *= one.size[0]
+        model.body_inertia[bodies] *= one.size[0]
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+        def lighter() -> None:
+            for each in undo:
+                each()
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+
+        return lighter
+
+
+_BEGIN: dict[Of, Callable[[DisturbedWorld, Disturbance], Callable[[], None]]] = {
+    Of.THING: DisturbedWorld._thing,
+    Of.JOINT: DisturbedWorld._stick,
+    Of.FINGER: DisturbedWorld._stick,
+    Of.HANDS: DisturbedWorld._slip,
+    Of.GRAINS: DisturbedWorld._weigh,
+}
+"""What begins a disturbance, and returns what undoes it."""
+_ENDED = object()
+
+
+def _nothing() -> None:
+    """Undo what cannot be undone: a thing stays where it was pushed."""
+
+
+def _putting(numbers: Array, at: NDArray[np.intp]) -> Callable[[], None]:
+    before = numbers[at].copy()
+    return lambda: numbers.__setitem__(at, before)
+
+
+def _finger(on: str) -> tuple[str, str]:
+    side, finger = on.split()
+    number = FINGERS.index(finger)
+    return PROXIMAL[side][number], DISTAL[side][number]
+
+
+def _corners(turn: Array, at: Array, half: Array) -> Array:
+    """Return the corners (8, 3) of a box in the world."""
+    signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    return np.asarray(at + (signs * half) @ turn.reshape(3, 3).T)
+
+
+def _foot(kind: Model) -> float:
+    """Return how far [m] the edge about which a standing thing tips is from its axis, at most."""
+    numbers = objects()[kind]
+    if "edges" in numbers:
+        return math.hypot(*numbers["edges"][:2]) / 2
+    return float(numbers.get("base_radius", numbers.get("radius", 0.0)))
+
+
+def _height(kind: Model) -> float:
+    """Return the height of a thing's origin above what it stands on [m]."""
+    numbers = objects()[kind]
+    if "edges" in numbers:
+        return float(numbers["edges"][2]) / 2
+    return 0.0 if kind is Model.BOWL else float(numbers["height"]) / 2
