@@ -135,8 +135,9 @@ def test_what_happens_to_the_bowl_ends_the_tilt(over: Tilt, see: See, kind: str,
     assert over[0].unfinished[JAR].left == pytest.approx(0.0)
 
 
-def test_a_bowl_that_is_seen_again_is_not_missing(over: Tilt) -> None:
-    """Somebody's hand was before it during the tilt."""
+@pytest.mark.parametrize("late", [False, True])
+def test_a_bowl_that_is_seen_again_is_not_missing(over: Tilt, late: bool) -> None:
+    """Somebody's hand was before it during the tilt, and for a look longer."""
 
     def see(here: Situation, n: int) -> list[Sight]:
         return standing_ones(here, BOWL)
@@ -149,6 +150,8 @@ def test_a_bowl_that_is_seen_again_is_not_missing(over: Tilt) -> None:
     while not isinstance(answer, Cancel):
         answer = work.send(_sensed(here, upright, str(Phase.RUNNING), see(here, 0)))
     work.send(_sensed(here, upright, "cancelled", see(here, 0)))
+    if late:
+        work.send(_sensed(here, upright, "done", see(here, 0)))
     with pytest.raises(StopIteration) as end:
         work.send(_sensed(here, upright, "done", standing_ones(here)))
     assert (end.value.value.kind, end.value.value.missing) == ("replan", ())
