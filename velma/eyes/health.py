@@ -35,9 +35,10 @@ TURNED, MOST_RMS_PX = 0.006, 0.5
 """Least rotation about the neck that is an offset [rad], most deviation of a corner of furniture that kept its shape.
 In the 415 of those looks that show enough furniture: rotation 0.0010 in 95 %, 0.0012 at most, and 0.0044 once, by two
 markers of two pieces; deviation 0.20 in 95 %, 0.35 at most."""
-MOST_OFF = 0.013
-"""Largest offset with which poses are taken and an arm moves [rad]: a thing 1.1 m from the camera is 15 mm beside, as
-far as a pour allows (MOVED_M of the pour). With a camera that errs by 0.01 on each axis 10 of 10 pours were done."""
+MOST_OFF = 0.02
+"""Largest offset with which poses are taken and an arm moves [rad]: a thing 1.1 m from the camera is 22 mm beside. With
+a camera that errs by up to 0.01 on each axis, 0.017 in all, 10 of 10 pours were done (docs/scenes.md); as it looks from
+side to side, furniture seems to turn by as much."""
 
 
 class Wrong(StrEnum):
