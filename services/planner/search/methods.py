@@ -159,9 +159,8 @@ class Methods:
         """Put it down and look at it; where it stands already, as after a way that was blocked, bring the hand home."""
         if self.facts.holder(km, name):
             return [("set_down", name), ("a_look", name)]
-        away = self._away(km) if self.facts.support(km, name) else []
-        if away and not self.facts.fallen(km, name):
-            return [*(("a_home", side) for side in away), ("a_look", name)]
+        if self.facts.support(km, name) and self._away(km) and not self.facts.fallen(km, name):
+            return self._home_and_look(km, name)
         self.failed(f"no hand holds {name}")
         return None
 
@@ -183,13 +182,16 @@ class Methods:
         return [side for side in Side if not self.facts.in_hand(km, side) and not self.facts.at_home(km, side)]
 
     def put_at_nothing(self, km: str, name: str, where: str) -> Subtasks | None:
-        """Do nothing where it stands there already."""
+        """Only look at it where it stands there already, with empty hands at home: one may have left it leaning."""
         if holder := self.facts.holder(km, name):
             return self._not(f"the {holder} hand holds {name}")
         if self.facts.at(km, name, where):
             how = self.facts.fallen(km, name)
-            return self._not(f"{name} {how}") if how else []
+            return self._not(f"{name} {how}") if how else self._home_and_look(km, name)
         return self._not(f"{name} stands elsewhere")
+
+    def _home_and_look(self, km: str, name: str) -> Subtasks:
+        return [*(("a_home", side) for side in self._away(km)), ("a_look", name)]
 
     def put_at_held(self, km: str, name: str, where: str) -> Subtasks | None:
         """Put it there with the hand that holds it, bring that one home, and look at it."""
