@@ -34,10 +34,10 @@ from pour_one_process import TOO_MANY, Run
 from companion.languages import hfsm, rc
 from companion.languages.cmd import BACK
 from services.executor.loop.core import LoopCore
-from services.executor.loop.program import KNOT_S, Motion, Phase
+from services.executor.loop.program import KNOT_S, Motion
 from services.executor.sight import Eye
 from services.executor.simulation import InProcess
-from services.executor.skills.skill import Sensed
+from services.executor.skills.skill import Asked, Sensed
 from services.task.words import SURVEY
 from velma.model.contacts import Kind as Meets
 from velma.model.kinds import Model
@@ -88,25 +88,23 @@ class Body(InProcess):
         self._watch = watch
         self._due: list[tuple[float, Callable[[], None]]] = []
 
-    def do(self, motion: Motion) -> Sensed:
-        """Run a motion to its end, then look. Raise OverError."""
+    def do(self, motion: Motion, judge: Callable[[Sensed], Asked] | None = None) -> Sensed:
+        """Run a motion to its end, then look; `judge`: as of InProcess. Raise OverError."""
         self._watch(motion)
-        self.core.begin(motion)
-        while self.core.report.phase is Phase.RUNNING:
-            self._cycle()
-        return self.sensed()
+        return super().do(motion, judge)
 
     def rest(self, seconds: float) -> None:
         """Let time pass without a motion."""
         for _ in range(math.ceil(seconds / self.core.backend.period_s)):
-            self._cycle()
+            self.cycle()
 
     def after(self, seconds: float, do: Callable[[], None]) -> None:
         """Do something at a later time."""
         self._due.append((self.core.state.time + seconds, do))
 
-    def _cycle(self) -> None:
-        self.core.cycle()
+    def cycle(self) -> None:
+        """Run a cycle, and let happen what is due. Raise OverError."""
+        super().cycle()
         now = self.core.state.time
         for one in [one for one in self._due if one[0] <= now]:
             self._due.remove(one)

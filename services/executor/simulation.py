@@ -63,10 +63,14 @@ class InProcess:
         """Run a motion to its end, then look. `judge` answers the looks at it on the way; None: nobody looks."""
         self.core.begin(motion)
         while self.core.report.phase is Phase.RUNNING:
-            self.core.cycle()
+            self.cycle()
             if judge is not None and self.core.look_due:
                 self.answer(judge(self.sensed()))
         return self.sensed()
+
+    def cycle(self) -> None:
+        """Run a cycle of the loop."""
+        self.core.cycle()
 
     def answer(self, word: Asked) -> None:
         """Do what the skill answered to a look."""
