@@ -527,7 +527,7 @@ def measured(scene: str, act: str, case: Case, seed: int, folder: Path, verbose:
         "at": {name: [round(x, 3) for x in truth.at[name]] for name in (JAR, BOWL)},
         "tilt_deg": {name: round(truth.tilt_deg[name], 1) for name in (JAR, BOWL)}, "grains": truth.grains,
         "grains_in": truth.grains_in, "held_by": {name: hand_of(truth, name) for name in (JAR, BOWL)},
-        "ill": {str(side): why for side, why in run.here.ill.items()}, "plans": run.planned, "acts": len(run.acts),
+        "ill": [f"{one.sense} {one.fault}" for one in run.here.ill], "plans": run.planned, "acts": len(run.acts),
         "sim_time_s": round(float(run.body.core.state.time), 1), "wall_s": round(time.perf_counter() - began, 1),
         "commit": RUN,
     }  # fmt: skip
