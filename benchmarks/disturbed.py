@@ -11,8 +11,8 @@ and skips runs that stand there; the table has the newest of each in which it ha
     python benchmarks/disturbed.py --table
 
 `right done`, `right failed`: the words are true. `FALSE done`: said to be done, and is not. `false failed`: it is done,
-and was said not to be. `hang`: too many plans, or simulated time over. `drop`: a sense was ill and jar or bowl is on
-the floor. `crash`: an exception ended the process of the robot.
+and was said not to be. `unsure`: it is done, and the robot said that it could not see or check it. `hang`: simulated
+time is over. `drop`: a sense was ill and jar or bowl is on the floor. `crash`: an exception ended the robot's process.
 """
 
 import math
@@ -29,7 +29,7 @@ import mujoco
 import numpy as np
 import tables
 import typer
-from pour_one_process import TOO_MANY, Run
+from pour_one_process import Run
 
 from companion.languages import hfsm, rc
 from companion.languages.cmd import BACK
@@ -483,17 +483,21 @@ def judged(said: str, good: bool, dropped: bool) -> str:
     """Return the verdict: what was said against what is true."""
     if said.startswith("crash"):
         return "crash"
-    if said in (TOO_MANY, OVER):
+    if said == OVER:
         return "hang"
     if dropped:
         return "drop"
     if said == "done":
         return "right done" if good else "FALSE done"
-    return "false failed" if good else "right failed"
+    if not good:
+        return "right failed"
+    return "unsure" if any(words in said for words in UNSURE) else "false failed"
 
 
 OVER = "simulated time is over"
-VERDICTS = ("right done", "right failed", "false failed", "FALSE done", "drop", "hang", "crash")
+UNSURE = ("nobody saw", "no sense", "can check it")
+"""Of sentences that say that it is not known whether the task is done."""
+VERDICTS = ("right done", "right failed", "unsure", "false failed", "FALSE done", "drop", "hang", "crash")
 
 
 def measured(scene: str, act: str, case: Case, seed: int, folder: Path, verbose: bool = False) -> dict[str, Any]:

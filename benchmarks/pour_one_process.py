@@ -42,7 +42,6 @@ from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 
 MOST_PLANS = 6
-TOO_MANY = "too many plans"
 POUR = hfsm.Task(hfsm.TaskName.POUR, ("jar", "bowl"))
 RUN = tables.commit()
 Part = TypeVar("Part", Content, Noise)
@@ -147,6 +146,7 @@ class Run:
 
     def carry_out(self, task: hfsm.Task) -> str:
         """Do a task; return why it failed, or nothing."""
+        reason = ""
         for _ in range(MOST_PLANS):
             self.planned += 1
             plan = self.solve(self.planned, task)
@@ -155,7 +155,7 @@ class Run:
             outcome, reason = self.follow(plan)
             if outcome is not hfsm.Outcome.REPLAN:
                 return "" if outcome is hfsm.Outcome.SUCCEEDED else reason
-        return TOO_MANY
+        return f"given up after {MOST_PLANS} plans; the last one: {reason}"
 
 
 def noisy(scene: Scene, noise: str) -> Scene:

@@ -13,7 +13,7 @@ from companion.languages import rc, wm
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative
 from services.task.memory import Act, Memory
-from services.task.words import observations, subject
+from services.task.words import known_after, observations, subject
 
 OBSERVER = AgentName.KM
 AGREE_WITHIN_S = 60.0  # estimate: ex computes a skill in seconds; a path that it plans itself takes longer
@@ -109,7 +109,10 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
         return replace(memory, hands={})
     if outcome.body is None or (isinstance(command, rc.Look) and isinstance(outcome, rc.NotDone)):
         return memory
-    news: list[wm.AnySight] = sorted(observations(outcome), key=lambda one: isinstance(one, wm.SeenBody))
+    memory = replace(memory, evidence=known_after(memory.evidence, outcome))
+    news: list[wm.AnySight] = sorted(
+        observations(outcome, memory.evidence), key=lambda one: isinstance(one, wm.SeenBody)
+    )
     if isinstance(command, rc.Pour) and isinstance(outcome, rc.Done) and outcome.weighed is not None:
         before, after = outcome.weighed
         news.insert(0, wm.FeltContent(source=command.source, destination=command.destination, left=before - after))

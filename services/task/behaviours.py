@@ -13,7 +13,7 @@ from agent_runtime.core.turn import Turn
 from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import hfsm, rc, sw, wm
-from companion.languages.evidence import fitting, unchecked
+from companion.languages.evidence import Claim, fitting
 from fipa_codec.performatives import Performative
 from services.task import acts, running, stepping
 from services.task import plan as plans
@@ -66,8 +66,9 @@ def _taken(memory: Memory, turn: Turn, conversation: str, plan: hfsm.Hierarchica
 
 
 def _between_plans(memory: Memory) -> Memory:
-    """Return what is kept from plan to plan; of the evidence, what nobody has checked yet."""
-    return Memory(hands=memory.hands, evidence=unchecked(memory.evidence), acts=memory.acts)
+    """Return what is kept from plan to plan; of the evidence, what hands hold, and what nobody has checked yet."""
+    kept = tuple(one for one in memory.evidence if one.claim is Claim.HELD or not one.by)
+    return Memory(hands=memory.hands, evidence=kept, acts=memory.acts)
 
 
 def survey(memory: Memory, turn: Turn) -> Memory:

@@ -16,7 +16,7 @@ from fipa_codec.performatives import Performative
 from services.task import acts, orders, senses
 from services.task import plan as plans
 from services.task.memory import Memory, Pending, Soft, way_to_safety
-from services.task.words import SURVEY, known_after, not_checked
+from services.task.words import SURVEY, not_checked
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
 ATTEMPTS = 2  # to put down what is held: the second one starts elsewhere, with newer observations (estimate)
@@ -183,7 +183,6 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
         why = _joined(memory.reason, senses.told(outcome))
         return finish(replace(memory, looking=False), Outcome.REPLAN, why)
     if isinstance(outcome, rc.Done):
-        memory = replace(memory, evidence=known_after(memory.evidence, outcome))
         if outcome.missing and outcome.arrived is None and memory.safe is None:
             return _look(memory, turn, outcome.key, f"{' and '.join(outcome.missing)}: not where it was")
         end = Outcome.SUCCEEDED if _confirmed(memory, outcome) else Outcome.FAILED

@@ -12,9 +12,10 @@ SURVEY = rc.Look(key="survey", at=POINTS)
 """The look around for a new observer of the world."""
 
 
-def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnySight]:
+def observations(outcome: rc.Done | rc.NotDone, known: tuple[Evidence, ...] = ()) -> Iterator[wm.AnySight]:
     """Yield what is nowhere any more, the posture, what each hand holds, then everything seen or put down that no hand
-    holds."""
+    holds. `known`: evidence after the act."""
+    by = {one.of: one.by for one in known if one.claim is Claim.HELD}
     for name in outcome.missing:
         yield wm.MissingObject(object=name)
     if isinstance(outcome, rc.NotDone):
@@ -30,7 +31,7 @@ def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnySight]:
         else:
             name, grasp, pose = held
             in_hand.add(name)
-            yield wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose)
+            yield wm.SeenHand(side, name, grasp, pose, by.get(name, ()))
     for seen in outcome.seen:
         if seen.object not in in_hand:
             yield wm.SeenObject(seen.object, seen.model, seen.pose, seen.at, seen.content, seen.uncertainty)
@@ -38,15 +39,16 @@ def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnySight]:
         yield wm.PlacedObject(object=one.object, model=one.model, pose=one.pose, at=one.at)
 
 
-def known_after(known: tuple[Evidence, ...], done: rc.Done) -> tuple[Evidence, ...]:
+def known_after(known: tuple[Evidence, ...], outcome: rc.Done | rc.NotDone) -> tuple[Evidence, ...]:
     """Return what is known after an act. A thing that stands where it was put is checked by any act that sees it: ex
     would have told that it fell over or is elsewhere.
     """
-    held = {name for name, _, _ in done.held.values()}
+    held = {name for name, _, _ in outcome.held.values()}
     put = {one.of for one in known if one.claim is Claim.STANDS}
-    seen = (one for one in done.seen if one.object in put and one.object not in held)
+    done = isinstance(outcome, rc.Done)
+    seen = (one for one in outcome.seen if done and one.object in put and one.object not in held)
     stands = (Evidence(Claim.STANDS, one.object, (Sense.EYES,), one.at, _within(one)) for one in seen)
-    return newest((*known, *stands), done.evidence, held)
+    return newest((*known, *stands), outcome.evidence if isinstance(outcome, rc.Done) else (), held)
 
 
 def _within(seen: rs.Seen) -> float:

@@ -470,3 +470,20 @@ def test_what_the_hands_hold_is_known_from_plan_to_plan() -> None:
         scene.wires.run_for(1.0)
         assert scene.wires.nodes["ta"].state.state == "idle"
         assert scene.wires.memory("ta").hands
+
+
+@pytest.mark.parametrize("by", [(Sense.WRIST, Sense.EYES), ()])
+def test_km_hears_which_senses_told_what_a_hand_holds(by: tuple[Sense, ...]) -> None:
+    """Also after an act that says nothing of it: the last word counts until the hand is empty."""
+    scene, pose = Scene(), Pose((0.0, 0.0, 0.1))
+    held = {Side.LEFT: ("jar_1", "247", pose)}
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    scene.start(plan(hfsm.ActState("look", LOOK, (hfsm.Arc(OK, "home"),)), hfsm.ActState("home", HOME)))
+    scene.hears("ex", 1)
+    scene.ex(P.INFORM, rc.Done(LOOK.key, BODY, held=held, evidence=(Evidence(Claim.HELD, "jar_1", by, 3.0),)))
+    scene.hears("ex", 2)
+    scene.ex(P.INFORM, rc.Done(HOME.key, BODY, held=held), number=1)
+    scene.hears("co", 3)
+    told = [one for _, _, one in scene.heard["km"] if isinstance(one, wm.SeenHand) and one.object]
+    assert told == [wm.SeenHand(Side.LEFT, "jar_1", "247", pose, by)] * len(told)
+    assert told

@@ -85,7 +85,8 @@ class Beliefs:
         hand = self._held().get(name)
         if hand is not None:
             model, side = self._models.get(name, ""), hand.content.side
-            return Belief(name, f"in the {side} hand", hand, model, side=side, in_grip=hand.content.pose)
+            how = f"in the {side} hand" + ("" if hand.content.by else ", not checked")
+            return Belief(name, how, hand, model, side=side, in_grip=hand.content.pose)
         match told.content if told is not None else None:
             case wm.SeenObject(model=model) as seen:
                 pose, uncertainty = self._sights.get(name, (seen.pose, seen.uncertainty))

@@ -2,6 +2,7 @@
 
 import msgspec
 
+from companion.languages.evidence import Sense
 from companion.languages.values import BodyPosture, Pose, Side, Uncertainty
 
 
@@ -28,12 +29,13 @@ class SeenBody(Observation, frozen=True):
 
 
 class SeenHand(Observation, frozen=True):
-    """The content of a hand; object "" when it is empty."""
+    """The content of a hand; object "" when it is empty. `by`: senses that told it last; none: it was not checked."""
 
     side: Side
     object: str = ""
     grasp: str = ""
     pose: Pose | None = None
+    by: tuple[Sense, ...] = ()
 
 
 class FeltContent(Observation, frozen=True):
