@@ -208,10 +208,16 @@ def _look(memory: Memory, turn: Turn, key: str, reason: str) -> Memory:
 
 
 def _confirmed(memory: Memory, outcome: rc.Done) -> bool:
-    """Whether a sense told of each thing that the act fails without: content that nobody saw there is not poured."""
+    """Whether a sense told of each thing that the act fails without: content that nobody saw there is not poured.
+
+    An ex of another version tells of less.
+    """
     leaf = plans.leaf(memory.machine, memory.at)
-    needed = rc.needed(type(leaf.command)) if isinstance(leaf, hfsm.ActState) else frozenset()
-    return needed <= {one.claim for one in outcome.evidence if one.by}
+    if not isinstance(leaf, hfsm.ActState):
+        return True
+    unchecked = {one.claim for one in outcome.evidence if not one.by}
+    arrived = outcome.arrived is True or not isinstance(leaf.command, rc.Pour)
+    return arrived and not (rc.needed(type(leaf.command)) & unchecked)
 
 
 def _seen(memory: Memory, outcome: rc.Done) -> str:

@@ -14,7 +14,7 @@ from velma.sim import disturbances
 from velma.sim.disturbances import Disturbance, Kind, Of
 from velma.sim.mujoco_backend import MujocoBackend
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.process, pytest.mark.needs_opengl, pytest.mark.timeout(120)]
 
 
 def test_a_black_camera_shows_nothing_until_it_is_well_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

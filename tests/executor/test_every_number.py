@@ -233,6 +233,7 @@ def test_a_timed_path_is_refused_by_what_is_wrong(odd: float, what: str, joint: 
         assert found[0].duration <= ranges.LONGEST_S
 
 
+@pytest.mark.timeout(300)  # 18 s of a processor
 def test_the_slowest_motion_that_may_be_asked_for_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before the loop gives up hands or head; with a goal that none can reach it does."""
     slow = Close(ranges.FINGER_UPPER, ranges.FINGER_UPPER, ranges.SLOWEST_JOINT, settle_s=60.0)

@@ -14,6 +14,7 @@ from roco_fleet import RocoFleet
 from companion.run_files import DISTURBANCES_FILE
 from operate.fault_lines import latest, read
 from operate.run_folder import FAULTS_FILE, Fault
+from velma.control.grip import Wrong
 from velma.sim import disturbances
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(150)]
@@ -89,7 +90,7 @@ def test_the_robot_finds_by_itself_that_a_wrist_does_not_feel(fleet: Faulty) -> 
         finally:
             child.send_signal(signal.SIGINT)
             child.wait()
-    assert report.left.grip.wrong == report.right.grip.wrong == "reads what is no number", line
+    assert report.left.grip.wrong == report.right.grip.wrong == Wrong.NO_NUMBER, line
     assert fleet.last().text == "broken off, healed"
     assert fleet.going_on() == ()
 

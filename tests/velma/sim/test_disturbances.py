@@ -248,6 +248,7 @@ def camera(tmp_path, monkeypatch):
     camera.close()
 
 
+@pytest.mark.needs_opengl
 def test_pictures_of_a_faulty_camera(camera, tmp_path):
     """Black, mirrored, dark, frozen; and well again as soon as nothing stands in the file."""
     qpos = resting().data.qpos.copy()
@@ -270,6 +271,7 @@ def test_pictures_of_a_faulty_camera(camera, tmp_path):
     assert not np.array_equal(camera.take(qpos, 3), well)
 
 
+@pytest.mark.needs_opengl
 def test_the_camera_sees_furniture_where_it_was_moved_to(camera, tmp_path):
     qpos = resting().data.qpos.copy()
     before, _ = camera.both(qpos, 1)
