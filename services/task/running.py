@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from agent_runtime.core.events import Broken, Late, Ordered, Received, Started
 from agent_runtime.core.turn import Turn
 from companion.languages import hfsm, rc, sw, wm
+from companion.languages.evidence import Evidence
 from fipa_codec.performatives import Performative
 from services.task import acts, orders, senses
 from services.task import plan as plans
@@ -185,8 +186,10 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
     if isinstance(outcome, rc.Done):
         if outcome.missing and outcome.arrived is None and memory.safe is None:
             return _look(memory, turn, outcome.key, f"{' and '.join(outcome.missing)}: not where it was")
-        end = Outcome.SUCCEEDED if _confirmed(memory, outcome) else Outcome.FAILED
-        return leave(memory, turn, end, _joined(_seen(memory, outcome), senses.told(outcome)), finish)
+        lacking = _lacking(memory, outcome)
+        end = Outcome.SUCCEEDED if _poured(memory, outcome) and not lacking else Outcome.FAILED
+        why = _joined(_seen(memory, outcome) or not_checked(lacking), senses.told(outcome))
+        return leave(memory, turn, end, why, finish)
     turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
     if memory.safe is not None:
         memory = replace(memory, reason=memory.reason or outcome.reason)
@@ -207,17 +210,20 @@ def _look(memory: Memory, turn: Turn, key: str, reason: str) -> Memory:
     return acts.begin(memory, turn, replace(SURVEY, key=f"{key}.look"))
 
 
-def _confirmed(memory: Memory, outcome: rc.Done) -> bool:
-    """Whether a sense told of each thing that the act fails without: content that nobody saw there is not poured.
-
-    An ex of another version tells of less.
-    """
+def _lacking(memory: Memory, outcome: rc.Done) -> tuple[Evidence, ...]:
+    """Return the claims without which the act fails and that no sense told; an ex of another version tells of less."""
     leaf = plans.leaf(memory.machine, memory.at)
-    if not isinstance(leaf, hfsm.ActState):
-        return True
-    unchecked = {one.claim for one in outcome.evidence if not one.by}
-    arrived = outcome.arrived is True or not isinstance(leaf.command, rc.Pour)
-    return arrived and not (rc.needed(type(leaf.command)) & unchecked)
+    needed = rc.needed(type(leaf.command)) if isinstance(leaf, hfsm.ActState) else frozenset()
+    return tuple(one for one in outcome.evidence if not one.by and one.claim in needed)
+
+
+def _poured(memory: Memory, outcome: rc.Done) -> bool:
+    """Whether content was seen to arrive, where the act was a pour: content that nobody saw there is not poured."""
+    match plans.leaf(memory.machine, memory.at):
+        case hfsm.ActState(command=rc.Pour()):
+            return outcome.arrived is True
+        case _:
+            return True
 
 
 def _seen(memory: Memory, outcome: rc.Done) -> str:

@@ -472,6 +472,21 @@ def test_what_the_hands_hold_is_known_from_plan_to_plan() -> None:
         assert scene.wires.memory("ta").hands
 
 
+@pytest.mark.parametrize("by", [(Sense.FINGERS,), ()])
+def test_a_thing_that_no_sense_told_to_be_in_the_hand_was_not_taken(by: tuple[Sense, ...]) -> None:
+    """Whatever ex says beside; the reason names the claim."""
+    scene = Scene()
+    grasp = rc.Grasp("plan/1", Side.LEFT, "jar_1", "247", (), 0.3, 1.0, 0.2)
+    scene.start(plan(hfsm.ActState("grasp", grasp)))
+    scene.hears("ex", 1)
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    held = {Side.LEFT: ("jar_1", "247", Pose((0.0, 0.0, 0.1)))}
+    scene.ex(P.INFORM, rc.Done("plan/1", BODY, held=held, evidence=(Evidence(Claim.HELD, "jar_1", by, 3.0),)))
+    report = scene.hears("co", 2)
+    assert report.state is (sw.WorkerState.SUCCEEDED if by else sw.WorkerState.FAILED)
+    assert report.reason == ("" if by else "not checked: whether jar_1 is in the hand")
+
+
 @pytest.mark.parametrize("by", [(Sense.WRIST, Sense.EYES), ()])
 def test_km_hears_which_senses_told_what_a_hand_holds(by: tuple[Sense, ...]) -> None:
     """Also after an act that says nothing of it: the last word counts until the hand is empty."""
