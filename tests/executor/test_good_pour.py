@@ -10,7 +10,6 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from pour_one_process import Run
 
 from companion.languages import rc
-from services.executor.loop.program import Motion
 from services.executor.simulation import InProcess
 from services.executor.skills.skill import Sensed
 from velma.model.scene import load, vary
@@ -23,9 +22,9 @@ class Watched(InProcess):
         super().__init__(of.core, of.eye)
         self.told: list[tuple[str, float]] = []
 
-    def do(self, motion: Motion) -> Sensed:
-        """Run a motion to its end, then look."""
-        sensed = super().do(motion)
+    def sensed(self) -> Sensed:
+        """Look, also during a motion."""
+        sensed = super().sensed()
         self.told.append((sensed.wrong, sensed.off))
         return sensed
 
