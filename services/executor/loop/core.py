@@ -119,6 +119,7 @@ class LoopCore:
         self._terms: Terms | None = None
         self.command = no_command()
         self.state: State = backend.observe()
+        self._cycle_s = self.state.time  # of the last cycle; whoever observes again changes the time of the state
         self.setpoint: Array = self.state.q.copy()
         self.fingers, self.payloads = Fingers(), Payloads()
         self.grips = GripWatch(backend.period_s)
@@ -179,7 +180,7 @@ class LoopCore:
     @property
     def look_due(self) -> bool:
         """Whether somebody has to look at the running motion now."""
-        return self.act is not None and self.act.look_due(self.state.time)
+        return self.act is not None and self.act.look_due(self._cycle_s)
 
     def look_again(self, key: str, in_s: float) -> None:
         """Let the next look at the running motion (only if it has this key) be due `in_s` [s] after this one."""
@@ -236,6 +237,7 @@ class LoopCore:
         """Run one period: observe, check, control, command."""
         try:
             self.state = self.backend.observe()
+            self._cycle_s = self.state.time
             self._check(self.state)
             tau = self._control(self.state)
         except Exception as error:  # of any kind: the joints get a command in this very cycle

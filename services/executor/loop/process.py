@@ -33,9 +33,6 @@ SETTLE_S = 0.4  # for things to come to rest on their shelves before anybody loo
 SHOW_EVERY, TRUTH_EVERY, TIMING_EVERY = 5, 50, 500  # cycles: 10 ms, 0.1 s, 1 s
 LOOK_EVERY, SHOW_STILL_EVERY = 10, 50  # cycles of a still world between two looks for a command, and two states shown;
 # estimates: with a look every 10 ms the loop took 2.7 % of a core, with one every 20 ms 2.0 (measured 2026-11-27)
-LOOK_WITHIN_S = (
-    1.0  # until a look is answered; estimate: it takes 0.1 s, and after 2 s of silence the loop counts as gone
-)
 UNREST_S = 2.0  # simulated, until what somebody pushed or tipped rests; at speed max nothing else moves it; estimate
 IDLE_S = 0.002  # pause between two looks while time stands still
 
@@ -70,7 +67,7 @@ class LoopProcess:
     ) -> None:
         self.core, self._link, self._speed, self._truth, self._pacer = core, link, speed, truth, pacer
         self._keeper, self._still = keeper, still
-        self._stirred, self._unrest, self._waited = stirred, 0, 0
+        self._stirred, self._unrest = stirred, 0
         self._told, self._shown = Told(), core.mode
         self._beat, self._silent = link.heartbeat(), 0
         if self.restored:
@@ -93,17 +90,12 @@ class LoopProcess:
                 self._rest(self._still)
             else:
                 self._cycle()
-        elif (self.core.busy or self._unrest) and not self._late and not self._waits():
+        elif (self.core.busy or self._unrest) and not self._late and not self.core.look_due:
             self._unrest = max(0, self._unrest - 1)
             self._pacer.go()
             self._cycle()
         else:
             time.sleep(IDLE_S)
-
-    def _waits(self) -> bool:
-        """Whether time stands still for a look at the motion; not for ever."""
-        self._waited = self._waited + 1 if self.core.look_due else 0
-        return 0 < self._waited * IDLE_S < LOOK_WITHIN_S
 
     def _look_at_world(self) -> None:
         if self._stirred is not None and self._stirred():

@@ -18,13 +18,14 @@ from services.executor.loop.__main__ import build
 from services.executor.loop.backends import PARTS
 from services.executor.loop.link import AgentLink, StopLink
 from services.executor.loop.memory import MEMORY
-from services.executor.loop.process import Speed
+from services.executor.loop.process import SHOW_EVERY, Speed
 from services.executor.loop.program import Cancel, LookAgain, Mode, Phase, Release, motion
 from services.executor.loop.timing import Histogram, Pacer
 from services.human_interface.server import HttpDevice
 from velma.errors import SlotError
 from velma.model import scene
 from velma.names import START
+from velma.sim.backend import PERIOD_S
 from velma.sim.mock_backend import MockBackend
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import Truth
@@ -113,12 +114,12 @@ def until_told(loop, agent, seen, most=2000):
     raise AssertionError("it was not told")
 
 
-def looked_at(tmp_path, speed):
-    """A loop in a motion of 2 s with a look every 0.5 s, its agent, and when it began."""
-    loop = build(tmp_path / "loop.slots", MockBackend(), speed=speed, realtime=False)
+def looked_at(tmp_path, speed, later_s=0.0, backend=None):
+    """A loop in a motion of 2 s with a look every 0.5 s, the first one later, its agent, and when it began."""
+    loop = build(tmp_path / "loop.slots", backend or MockBackend(), speed=speed, realtime=False)
     agent = AgentLink(tmp_path / "loop.slots")
     began = agent.state().time_s
-    agent.send(motion("up", rise(agent.state().setpoint, 2.0), look_every_s=0.5))
+    agent.send(motion("up", rise(agent.state().setpoint, 2.0), look_every_s=0.5 + later_s))
     loop.turn()
     return loop, agent, began
 
@@ -141,6 +142,14 @@ def test_time_waits_for_a_look_at_full_speed(tmp_path, clock):
         assert not agent.told().look
     turn(loop, agent)
     assert agent.told().report.phase is Phase.DONE
+
+
+@pytest.mark.parametrize("cycles", range(SHOW_EVERY))
+def test_a_look_is_told_whenever_it_is_due(tmp_path, clock, cycles):
+    """Also in a cycle in which the state is shown: a simulator is read once more for that, and its time has gone on."""
+    later_s = cycles * PERIOD_S
+    loop, agent, began = looked_at(tmp_path, Speed.MAX, later_s, MujocoBackend(scene.load()))
+    assert until_told(loop, agent, lambda told: told.look).time_s - began == pytest.approx(0.5 + later_s, abs=0.003)
 
 
 def test_in_real_time_nothing_waits_for_a_look(tmp_path, clock):
