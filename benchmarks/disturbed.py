@@ -1,18 +1,19 @@
 """Does tasks while something goes wrong, and compares the words of the robot with the truth.
 
-Disturbance x act x seed, in two scenes and, for a door, in a third one. One process: as pour_one_process, eyes by
-pixels. A disturbance begins before the act of the task that it is about, or during a motion of that act; senses stay
-ill to the end, from the first act of the task on where nothing else is said. Appends a line per run to a results file
-and skips runs that stand there; the table has the newest of each in which it happened.
+Disturbance x task x seed, in two scenes and, for a door, in a third one. One process, as in pour_one_process, with eyes
+by pixels. A disturbance begins before the act that it is about or during a motion of that act. A sense fails from the
+first act of the task on, unless the case says otherwise, and does not recover. Each run appends a line to a results
+file; runs that the file has are skipped. The table has the newest run of each case in which the disturbance happened.
 
     python benchmarks/disturbed.py --seeds 1-3
     python benchmarks/disturbed.py --seeds 1 --cases "bowl pushed before,wrist zero" --acts pour,take --scenes env2
     python benchmarks/disturbed.py --list
     python benchmarks/disturbed.py --table
 
-`right done`, `right failed`: the words are true. `FALSE done`: said to be done, and is not. `false failed`: it is done,
-and was said not to be. `unsure`: it is done, and the robot said that it could not see or check it. `hang`: simulated
-time is over. `drop`: a sense was ill and jar or bowl is on the floor. `crash`: an exception ended the robot's process.
+`right done`, `right failed`: the words are true. `FALSE done`: the robot said "done", but the task is not done.
+`false failed`: the task is done, but the robot said that it failed. `unsure`: the task is done, and the robot said that
+it could not see or check it. `hang`: the run reached its limit of simulated time. `drop`: a sense was faulty, and the
+jar or the bowl is on the floor. `crash`: an exception ended the robot's process.
 """
 
 import math
@@ -81,7 +82,7 @@ class OverError(Exception):
 
 
 class Body(InProcess):
-    """Runs motions cycle by cycle, with what is to happen at a time. `watch` is told of each motion before."""
+    """Runs motions cycle by cycle, and does what is due at a time. `watch` is called with each motion before it."""
 
     def __init__(self, core: LoopCore, eye: Eye, watch: Callable[[Motion], None]) -> None:
         super().__init__(core, eye)
@@ -480,7 +481,7 @@ def angle(run: Disturbed, name: str) -> float:
 
 
 def judged(said: str, good: bool, dropped: bool) -> str:
-    """Return the verdict: what was said against what is true."""
+    """Return the verdict on what the robot said. `good`: the task is truly done; `dropped`: see `drop` above."""
     if said.startswith("crash"):
         return "crash"
     if said == OVER:

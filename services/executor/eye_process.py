@@ -39,9 +39,9 @@ class Sighted:
         self._judged = health.Judged()
 
     def saw(self, number: int, pixels: Pixels, view: View) -> Saw:
-        """Return what a picture (height, width, 3) shows; nothing where the camera is not well, or much off.
+        """Return the things that a picture (height, width, 3) shows; none with a faulty camera or a neck far off.
 
-        `number`: of the picture, by its camera; `view`: where it was taken, by the joints.
+        `number`: the camera's number of the picture; `view`: where it was taken, by the measured joints.
         """
         found = self._eyes.markers(pixels)
         bodies, now = self._eyes.bodies(found, view), health.Look(number, pixels, view)

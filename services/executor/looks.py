@@ -32,9 +32,9 @@ class Thing(msgspec.Struct, frozen=True):
 
 
 class Saw(msgspec.Struct, frozen=True, tag=True):
-    """From the child: what look `number` showed; nothing where a sense is not well.
+    """From the child: the things that look `number` showed; none if the camera or the neck's encoders are faulty.
 
-    `wrong`: with the picture (velma.eyes.health.Wrong), "" for nothing. `off`: of torso and head [rad], 0 for nothing.
+    `wrong`: fault of the picture (velma.eyes.health.Wrong), "" for none. `off`: error of torso and head [rad], or 0.
     """
 
     number: int

@@ -39,8 +39,8 @@ GRID_M = 0.15  # between points on a box's face, at least two in each direction
 class Receptor:
     """Detects the things (bodies by name, with their models) of a world model with the head camera.
 
-    The same looks in the same order give the same sights. There is no picture that could be wrong, and the measured
-    joints are not used: such eyes are always well.
+    The same looks in the same order give the same sights. These eyes have no faults: they take no picture and do not
+    use the measured joints.
     """
 
     wrong, off = "", 0.0

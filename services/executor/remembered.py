@@ -44,9 +44,8 @@ class Remembered(msgspec.Struct, frozen=True):
 
     `fingers`: angle per side [rad]. `seen`: last pose of each thing in the world (of a held one: before it was taken).
     `placed`: things that a hand let go of and that were not seen since, by id the time [s]; `seen` has where.
-    `unfinished`: pours that were begun and not ended, by source. `time`: simulated [s].
-    `ill`: senses that told
-    what cannot be at the last look. `epoch`: name of the simulated world in which all that is so, "" of a real one.
+    `unfinished`: pours that were begun and not ended, by source. `time`: simulated [s]. `epoch`: name of the simulated
+    world in which all that is so, "" of a real one. `ill`: sensors whose readings could not be true at the last look.
     """
 
     q: tuple[float, ...] = ()

@@ -31,8 +31,8 @@ class Sight:
 class Eye(Protocol):
     """Eyes in the robot's head. The simulator gives them its state in place of light.
 
-    `wrong`: with the camera at the last look (velma.eyes.health.Wrong), "" for nothing; `off`: by how much the measured
-    torso or head is off by that look [rad], 0 for nothing. Where either hinders, nothing is seen.
+    `wrong`: fault of the camera at the last look (velma.eyes.health.Wrong), "" for none; `off`: error of the measured
+    torso or head by that look [rad], 0 for none. With a faulty camera or a large error, nothing is seen.
     """
 
     wrong: str

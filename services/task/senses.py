@@ -1,4 +1,4 @@
-"""Words for senses that tell what cannot be."""
+"""Words for faulty sensors."""
 
 from companion.languages import rc
 
@@ -24,5 +24,5 @@ _SENSES = {
 
 
 def told(outcome: rc.Done | rc.NotDone) -> str:
-    """Return which senses tell what cannot be, and what; "" for none."""
+    """Return which sensors are faulty, and how; "" for none."""
     return "; ".join(_SENSES[one.sense].format(wrong=_WRONG[one.fault].format(off=one.off)) for one in outcome.ill)

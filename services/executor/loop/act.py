@@ -42,11 +42,11 @@ class Act:
             self.track.pause() if paused else self.track.resume()
 
     def look_due(self, now_s: float) -> bool:
-        """Whether a look is due. A motion that comes to rest for good needs none."""
+        """Whether a look is due. A cancelled motion needs none."""
         return now_s >= self._look_s - 1e-9 and not self.cancelled
 
     def look_again(self, in_s: float) -> None:
-        """Let the next look be due so long after the last one was [s]."""
+        """Let the next look be due `in_s` [s] after the last one was due."""
         self._look_s += in_s
 
     def interrupt(self, why: tuple[Phase, str] | None) -> tuple[Phase, str] | None:

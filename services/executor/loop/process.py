@@ -4,9 +4,8 @@
 asked of the robot: every 20 ms its time passes, and it is shown every 0.1 s.
 `--speed max`: simulated time goes on only while something happens, as fast as possible; between acts it stands still.
 
-At a motion that is to be looked at, the loop says when a look is due. In real time the motion goes on meanwhile; where
-looks take longer than the time between two, there are as many as the machine holds. At `--speed max` time stands still
-until the look is answered, or the motion is cancelled: there are as many in a simulated second as were asked for.
+If a motion is watched, the loop says when a look is due. In real time the motion goes on meanwhile, and a slow machine
+looks less often. At `--speed max` time stands still until the look is answered or the motion is cancelled.
 
 The agent sends heartbeats during an act. If one is late, the arms come to rest along their path and go on with the
 next one (at `--speed max` time stands still meanwhile). If none comes for long, the act is interrupted. A cancelled act
@@ -49,8 +48,8 @@ class LoopProcess:
 
     `keeper` saves the core after each cycle, None for a robot whose world does not end with this process. A motion that
     a killed loop left is cancelled: who asked for it sees a new loop, and takes it for lost. `still`: None for a robot
-    whose every cycle has to be computed. `stirred`: asked in each turn whether somebody has just changed a simulated
-    world, so that it does not rest.
+    whose every cycle has to be computed. `stirred`: returns whether a fault has just changed the simulated world, so
+    that it does not rest; called in each turn.
     """
 
     def __init__(

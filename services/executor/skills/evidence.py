@@ -44,9 +44,7 @@ def _always(here: Situation, command: rc.Act, sensed: Sensed, of: str) -> bool:
 
 def _felt(here: Situation, command: rc.Act, sensed: Sensed, of: str) -> bool:
     side = here.holder(of)
-    return (
-        side is not None and side in sensed.grips and sensed.grips[side].felt in (Grip.HELD, Grip.WARNED, Grip.SLIPPED)
-    )
+    return side is not None and side in sensed.grips and sensed.grips[side].felt in _IN_HAND
 
 
 def _touched(here: Situation, command: rc.Act, sensed: Sensed, of: str) -> bool:

@@ -1,4 +1,4 @@
-"""Senses that tell what cannot be, and acts that are not begun because of them.
+"""Faulty sensors, and the acts that are not begun because of them.
 
 A grasp, a pour and putting down are checked by the camera or by the wrist of the hand: one of them suffices. An arm
 does not move by poses or joints that are off by more than its paths allow. A look is begun with any camera, since it
@@ -30,7 +30,7 @@ _CHECKED = (rc.Grasp, rc.Release, rc.Pour)
 
 
 def take(here: Situation, sensed: Sensed) -> None:
-    """Note which senses tell what cannot be, by what was measured after a motion; before its sights are taken."""
+    """Note what a motion shows of the sensors; call it before its sights are taken."""
     here.numb = {side for side in Side if not _feels(sensed, side)}
     for side, held in here.held.items():
         felt = sensed.grips.get(side, GripReport())
@@ -44,7 +44,7 @@ def take(here: Situation, sensed: Sensed) -> None:
 
 
 def told(here: Situation, sensed: Sensed) -> tuple[rc.Ill, ...]:
-    """Return the senses that tell what cannot be; after its sights were taken."""
+    """Return the faulty sensors; call it after the sights of the motion were taken."""
     return tuple(_told(here, sensed))
 
 

@@ -88,9 +88,9 @@ class Situation:
     look into each that nothing hid; `looked_into`: those of this act; `at_least`: mass seen by the last look of this
     act, where an arm or the thing's own wall hid some. `filled`: things that something was poured into.
     `uncertain`: how far the poses in `seen` may be off, where eyes told it. `missing`: things that were looked for in
-    this act and are not where they should be. `looked_at`: things that were seen in this act, since a hand that let go
-    of them did. `ill`: senses that tell what cannot be. `blind`: looks, one after the other, that showed nothing of the
-    furniture that must be in view; `numb`: hands without a sensor that feels.
+    this act and are not where they should be. `looked_at`: things that were seen in this act, after a hand took them or
+    let go of them. `ill`: sensors whose readings cannot be true. `blind`: number of looks in a row that showed none of
+    the furniture that must be in view; `numb`: hands without a working sensor in the wrist.
     """
 
     robot: Robot
@@ -173,7 +173,7 @@ class Situation:
     def in_view(self, name: str, at: pin.SE3 | None = None) -> frozenset[int]:
         """Return which markers of a thing would be read from here: they face the eyes, and nothing known hides them.
 
-        `at`, and markers inside a vessel: as of `surely_seen`. None for a thing of which it is not known where it is.
+        `at`, and markers inside a vessel: as of `surely_seen`. Empty if it is not known where the thing is.
         """
         if at is None and not self._stands(name):
             return frozenset()
@@ -204,7 +204,7 @@ class Situation:
     def above(self, name: str, at: pin.SE3 | None = None) -> frozenset[str]:
         """Return which things, beside those in hands, reach into the column above a thing's opening.
 
-        `at`: pose of the thing, None: as it was seen. None for a thing without an opening.
+        `at`: pose of the thing, None: as it was seen. Empty for a thing without an opening.
         """
         hole = models.MODELS[self.models[name]].hole
         if hole is None or (at is None and name not in self.seen):

@@ -177,7 +177,7 @@ class Fault(StrEnum):
 
 
 class Ill(msgspec.Struct, frozen=True):
-    """A sense that tells what cannot be, and how. `off`: by how much encoders are [rad]."""
+    """A faulty sensor, and its fault. `off`: error of encoders [rad]."""
 
     sense: Sensor
     fault: Fault
@@ -190,8 +190,8 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     `weighed`: mass in the hand before and after a pour, felt in the same posture [kg]; None: not felt. `placed`: things
     where a hand let go of them, not seen since. `arrived`: whether what left the source of a pour is in the
     destination, by a look into it; None: not looked into. `missing`: things that were looked for and are not where they
-    should be, though nothing hides the place. `ill`: sensors that tell what cannot be. `evidence`: for each row of
-    CHECKS, which senses told that it is true.
+    should be, though nothing hides the place. `ill`: faulty sensors. `evidence`: for each row of CHECKS, which senses
+    told that it is true.
     """
 
     key: str

@@ -71,7 +71,7 @@ def headline(told: dict[str, Any]) -> str:
     return f"{verdict}; seed {told['seed']}, speed {told['speed']}" if told["speed"] else verdict
 
 
-TRUE = {None: "", True: "; true", False: "; NOT TRUE"}
+_TRUTH = {None: "", True: "; true", False: "; NOT TRUE"}
 
 
 def figures(told: dict[str, Any], shown: list[dict[str, Any]]) -> RenderableType:
@@ -87,7 +87,7 @@ def figures(told: dict[str, Any], shown: list[dict[str, Any]]) -> RenderableType
         rows.append((f"plan {plan['number']}", f"{words}; {plan['ended'] or 'not carried out to its end'}"))
     for number, task in enumerate(told.get("tasks", ()), start=1):
         rows.append((f"task {number}", f"{task['asked']}: {'done' if task['success'] else task['failure']}"))
-        rows += [("", f"{one['words']}{TRUE[one['true']]}") for one in task.get("claims", ())]
+        rows += [("", f"{one['words']}{_TRUTH[one['true']]}") for one in task.get("claims", ())]
     for name, text in rows:
         table.add_row(name, text)
     return table
