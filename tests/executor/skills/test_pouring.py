@@ -227,15 +227,26 @@ def test_only_the_last_look_tells_what_arrived(over_the_bowl: tuple[Situation, r
     assert (outcome.arrived, len(motions)) == (None, LOOK)
 
 
-@pytest.mark.parametrize(("seen", "arrived"), [(0.03, True), (0.006, None), (0.0, None)])
+@pytest.mark.parametrize(
+    ("had", "seen", "arrived"),
+    [
+        (0.0, 0.03, True),
+        (0.0, 0.006, True),
+        (0.0, 0.004, None),
+        (0.0, 0.0, None),
+        (0.03, 0.046, True),
+        (0.03, 0.04, None),
+    ],
+)
 def test_a_look_that_something_hides_tells_the_least(
-    seen: float, arrived: bool | None, over_the_bowl: tuple[Situation, rc.Pour]
+    had: float, seen: float, arrived: bool | None, over_the_bowl: tuple[Situation, rc.Pour]
 ) -> None:
     """A box stands between the head and the bowl, wherever the hand is: there is as much as is seen, or more."""
     here, command = over_the_bowl
     bowl, eye = here.seen[BOWL].translation, here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation
     here.models = {**here.models, "box_1": "box1"}
     here.place("box_1", standing(eye + 0.3 * (bowl - eye)))
+    here.contents[BOWL] = had
     outcome, _ = performed(here, command, FULL, EMPTY, content=(None, seen))
     assert isinstance(outcome, rc.Done)
     assert outcome.arrived is arrived
