@@ -9,6 +9,8 @@ from typing import get_args
 import msgspec
 
 from companion.languages.evidence import Evidence
+from companion.languages.facts import Facts
+from companion.languages.values import Side
 
 
 class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
@@ -83,16 +85,19 @@ class TaskState(StrEnum):
 
 
 class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """State of a task, in words for a person. `steps`: with a new plan, what it does one after the other. `evidence`:
-    at the end, what is true now and which senses told.
+    """State of a task, and why. `steps`: with a new plan, what it does one after the other. `evidence`: at the end, what
+    is true now and which senses told.
 
-    `asks`: the path of the plan's state that waits for an operator; then `text` says with which hand it is done.
+    `at`: the path of the plan's state that is under way, or, where it `asks`, that waits for an operator, with the hand
+    that does it.
     """
 
     state: TaskState
-    text: str = ""
+    why: Facts = ()
     steps: tuple[str, ...] = ()
-    asks: str = ""
+    at: str = ""
+    side: Side | None = None
+    asks: bool = False
     evidence: tuple[Evidence, ...] = ()
 
 

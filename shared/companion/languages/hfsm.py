@@ -9,6 +9,7 @@ from enum import StrEnum
 
 import msgspec
 
+from companion.languages.facts import Facts
 from companion.languages.rc import Act as RobotCommand
 from companion.languages.values import Side
 from companion.languages.wm import AnyQuery
@@ -80,7 +81,7 @@ class EndState(msgspec.Struct, frozen=True, tag=True):
 
     name: str
     outcome: Outcome
-    reason: str = ""
+    why: Facts = ()
 
 
 class Machine(msgspec.Struct, frozen=True, tag=True):
@@ -121,7 +122,7 @@ class Rejected(msgspec.Struct, frozen=True, array_like=True):
 
     method: str
     arguments: tuple[str, ...]
-    why: str
+    why: Facts
 
 
 class HierarchicalPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -142,13 +143,13 @@ class HierarchicalPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fie
 
 
 class NoPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The answer without a plan, and why, in words. `later`: ask again, the world is still being looked at.
+    """The answer without a plan, and why. `later`: ask again, the world is still being looked at.
 
     `rejected`: as in a plan.
     """
 
     id: str
-    reason: str
+    why: Facts
     later: bool = False
     rejected: tuple[Rejected, ...] = ()
 

@@ -12,6 +12,7 @@ from typing import Annotated
 import msgspec
 
 from companion.languages.evidence import ABOUT_THINGS, Check, Claim, Evidence, Otherwise, Sense
+from companion.languages.facts import Facts
 from companion.languages.rs import Seen
 from companion.languages.values import BodyPosture, Name, Pose, Side, Vector, Within
 
@@ -226,14 +227,14 @@ class NotDoneKind(StrEnum):
 
 
 class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """An act ended otherwise. `kind`: a NotDoneKind; `reason` in words; `lost`: what is in no hand any more.
+    """An act ended otherwise. `kind`: a NotDoneKind; `lost`: what is in no hand any more.
 
     `placed`, `missing`, `ill`: as of Done.
     """
 
     key: str
     kind: str
-    reason: str
+    why: Facts
     body: BodyPosture | None = None
     seen: tuple[Seen, ...] = ()
     held: dict[Side, tuple[str, str, Pose]] = {}

@@ -8,6 +8,8 @@ from enum import StrEnum
 import msgspec
 
 from companion.languages.evidence import Evidence
+from companion.languages.facts import Facts
+from companion.languages.values import Side
 
 
 class WorkerState(StrEnum):
@@ -28,13 +30,14 @@ FINAL = frozenset({WorkerState.SUCCEEDED, WorkerState.FAILED, WorkerState.PREEMP
 
 
 class Report(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """ta's state; `at`: the path of the plan's current state, while Waiting of the next one; `reason` in words, or with
-    which hand the next one is done. `evidence`: at the end of a plan, what its acts made true, and which senses told.
+    """ta's state, and why. `at`: the path of the plan's current state, while Waiting of the next one, with the hand that
+    does it. `evidence`: at the end of a plan, what its acts made true, and which senses told.
     """
 
     state: WorkerState
     at: str = ""
-    reason: str = ""
+    side: Side | None = None
+    why: Facts = ()
     evidence: tuple[Evidence, ...] = ()
 
 

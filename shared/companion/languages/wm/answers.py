@@ -2,6 +2,7 @@
 
 import msgspec
 
+from companion.languages.facts import Facts
 from companion.languages.values import Pose, Shape, Side, Vector
 
 
@@ -140,7 +141,7 @@ class Made(Answer, frozen=True):
 class Unknown(Answer, frozen=True):
     """km cannot answer, and why: an unknown object, nothing observed. `later`: it may be able to soon."""
 
-    reason: str
+    why: Facts
     later: bool = False
 
 
@@ -148,7 +149,6 @@ class UnknownState(Answer, frozen=True):
     """km does not have a hypothetical state of this id (any more): its maker makes it again."""
 
     id: str
-    reason: str
 
 
 AnyAnswer = (

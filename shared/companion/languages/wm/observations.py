@@ -3,6 +3,7 @@
 import msgspec
 
 from companion.languages.evidence import Sense
+from companion.languages.facts import Facts
 from companion.languages.values import BodyPosture, Pose, Side, Uncertainty
 
 
@@ -71,13 +72,13 @@ class MissingObject(Observation, frozen=True):
 class NothingSeen(Observation, frozen=True):
     """A look around is over, and showed nothing: why. One that showed something ends with the posture."""
 
-    reason: str
+    why: Facts
 
 
 class WorldLost(Observation, frozen=True):
-    """A new simulated world was made, so no earlier observation holds; the reason. A look around follows."""
+    """A new simulated world was made, so no earlier observation holds; why. A look around follows."""
 
-    reason: str
+    why: Facts
 
 
 AnySight = SeenObject | PlacedObject | SeenBody | SeenHand | FeltContent | LostObject | MissingObject

@@ -1,0 +1,271 @@
+"""Facts, the parts of the content languages that say why, what, how much: a kind with its things, hands, numbers, words.
+
+Programs decide by kinds and parts. Sentences are made where a person reads them (companion.sentences).
+"""
+
+from enum import StrEnum
+from typing import Self
+
+import msgspec
+
+from companion.languages.evidence import Of
+from companion.languages.values import Side
+
+
+class Kind(StrEnum):
+    """What a fact says. Behind each kind stand its parts, in the order of a sentence: `a`, `b` for things, `things` for
+    any number of them, `side` for a hand, `x:m` for a number with its unit, `w:part` for a word of a list,
+    `because` for facts that are the reason.
+    """
+
+    parts: tuple[str, ...]
+
+    def __new__(cls, value: str, parts: str = "") -> Self:
+        """Return the kind with its parts."""
+        kind = str.__new__(cls, value)
+        kind._value_, kind.parts = value, tuple(parts.split())
+        return kind
+
+    # What is seen
+    SEEN = "seen", "things"
+    SEEN_NOTHING = "seen-nothing"
+    NOT_SEEN = "not-seen", "a"
+    NOT_SEEN_SINCE = "not-seen-since", "a"  # it is not where it was
+    LOST_SINCE = "lost-since", "side a"  # a hand lost it, and it was not seen since
+    NOT_WHERE_IT_WAS = "not-where-it-was", "a because"
+    FELL_OVER = "fell-over", "a"
+    LEANS = "leans", "a"
+    LIES = "lies", "a"
+    UPSIDE_DOWN = "upside-down", "a"
+    ON_THE_FLOOR = "on-the-floor", "a"
+    PERSON_NEEDED = "person-needed", "because"
+    ASIDE = "aside", "a x:m"  # from where it was put down
+    MOVED = "moved", "a x:m"
+    ABOVE = "above", "a b"
+    OUT_OF_VIEW = "out-of-view", "a"
+    DURING_THE_TILT = "during-the-tilt", "because"
+    BEFORE_THE_TILT = "before-the-tilt", "because"
+    NOT_LOOKED_AROUND = "not-looked-around", "because"
+    NO_LOOK_IN_A_PLAN = "no-look-in-a-plan"
+    # What a pour did
+    LEFT = "left", "a x:kg"
+    STILL_IN = "still-in", "a x:kg"
+    ARRIVED = "arrived", "a x:kg"
+    ARRIVED_SOME = "arrived-some", "a"
+    REST_NOT_THERE = "rest-not-there", "a"
+    NOT_SEEN_IN = "not-seen-in", "a"
+    NOTHING_LEFT = "nothing-left", "a x:kg y:kg"  # its mass before and after
+    # Senses
+    NOT_CHECKED = "not-checked", "w:claim a"
+    ILL = "ill", "w:sensor v:fault x:rad"
+    NOTHING_IS_SEEN = "nothing-is-seen"
+    NOT_BEGUN = "not-begun", "because"
+    BODY_OFF = "body-off", "x:rad"  # torso or head are elsewhere than measured, by more than this
+    ARM_OFF = "arm-off", "side x:m"
+    UNCHECKABLE = "uncheckable", "side"  # neither the camera nor the wrist can check an act
+    # Hands
+    HOLDS = "holds", "side a"
+    HOLDS_NOT = "holds-not", "side a"
+    NO_HAND_HOLDS = "no-hand-holds", "a"
+    HANDS_EMPTY = "hands-empty"
+    HANDS_FULL = "hands-full"  # it is not said which thing is meant
+    OTHER_HAND_WANTED = "other-hand-wanted", "side"
+    PUT_DOWN_FIRST = "put-down-first", "side a"
+    STILL_HELD = "still-held", "things because"
+    HOLDING = "holding", "things"
+    FEELS_NOT = "feels-not", "side a"
+    LOST = "lost", "side a"
+    FEELS_LITTLE = "feels-little", "side x:kg"
+    SLIPS = "slips", "side x:kg"
+    WRIST_DOUBTED = "wrist-doubted", "side a"  # it does not feel what is there
+    TOUCHED = "touched", "side a x:fingers"
+    TOUCHED_HANDLE = "touched-handle", "side a x:fingers"
+    # Where things stand
+    INSIDE_ANOTHER = "inside-another", "a"
+    STANDS_FREE = "stands-free", "a"
+    SEEN_WHERE_IT_STANDS = "seen-where-it-stands", "a"
+    PUT_DOWN_UNSEEN = "put-down-unseen", "a"
+    DID_NOT_FALL = "did-not-fall", "a"
+    STANDS_ELSEWHERE = "stands-elsewhere", "a"
+    SOMETHING_ON_A_TABLE = "something-on-a-table"
+    NOTHING_ON_A_TABLE = "nothing-on-a-table"
+    STAYS = "stays", "a because"
+    ARMS_HOME = "arms-home"
+    NOTHING_BESIDE = "nothing-beside", "a"
+    FEWER_BESIDE = "fewer-beside", "a x:things"
+    FEWER_DOORS = "fewer-doors", "x:doors"
+    NOT_IN_THE_WAY = "not-in-the-way"
+    HANGS_ON_A_HINGE = "hangs-on-a-hinge", "a"
+    FIRST_PLACE_UNKNOWN = "first-place-unknown", "a"
+    NO_ROOM = "no-room", "a b"
+    NO_ROOM_ON = "no-room-on", "a w:furniture"
+    # Ways of the arms
+    UNREACHED = "unreached", "side a"
+    HANDLE_UNREACHED = "handle-unreached", "side a"
+    NO_GRASP = "no-grasp", "side a because"
+    NO_WAY_TO = "no-way-to", "side a"
+    NO_WAY_CARRYING = "no-way-carrying", "side a"
+    NO_TILT = "no-tilt", "a b"
+    NO_POUR = "no-pour", "side a b"
+    NO_PLACE_WITHIN_REACH = "no-place-within-reach", "side a"
+    NO_WAY_TO_PUT_DOWN = "no-way-to-put-down", "side a"
+    NO_WAY_INTO = "no-way-into", "side a b"
+    NO_PLACE_REACHED_IN = "no-place-reached-in", "side a b"
+    NO_WAY_TO_OPEN = "no-way-to-open", "side a"
+    NO_WAY_HOME = "no-way-home", "side"
+    NOT_ABOVE_ITS_PLACE = "not-above-its-place", "side"
+    NO_PATH_TO_ITS_PLACE = "no-path-to-its-place", "side"
+    NO_FREE_PLACE = "no-free-place", "side a"
+    WAY_NOT_FREE = "way-not-free", "w:body v:body"
+    WAY_BLOCKED = "way-blocked"
+    NOT_STRAIGHT = "not-straight", "side because"
+    NOT_TURNED = "not-turned", "side a because"
+    NOT_SEEN_TURNED = "not-seen-turned", "a"
+    TURNED_TOO_LITTLE = "turned-too-little", "a x:rad y:rad"  # by, needed
+    MET_SOMETHING = "met-something", "side a x:m"  # above the place of the thing
+    NO_OPENING = "no-opening", "a"
+    INTO_ITSELF = "into-itself", "a"
+    # The body
+    NOT_FOLLOWED = "not-followed", "w:part x:rad"
+    FINGER_NOT_FOLLOWED = "finger-not-followed", "side x:number y:rad"
+    HAND_OFF = "hand-off", "side x:m y:rad"
+    BESIDE_ITS_PATH = "beside-its-path", "side x:m"
+    NOT_ARRIVED = "not-arrived", "w:part x:s"
+    MOTION_REFUSED = "motion-refused", "w:field"
+    FAULT = "fault"  # of the control loop, which says it in its log
+    HELD_STILL = "held-still", "w:mode"
+    # Processes and messages
+    BAD_COMMAND = "bad-command", "w:field"
+    BEGUN_BEFORE = "begun-before"
+    BUSY = "busy", "w:agent"
+    TASKS_OPEN = "tasks-open", "x:tasks"
+    ENDED = "ended", "w:process"
+    GAVE_NO_ANSWER = "gave-no-answer", "w:process"
+    NO_MOTION_FOUND = "no-motion-found", "x:s"
+    NEW_WORLD = "new-world"
+    BROKE_OFF = "broke-off", "w:agent"
+    NOT_ANSWERED = "not-answered", "w:agent"
+    NOT_UNDERSTOOD = "not-understood", "w:agent"
+    NO_REASON = "no-reason", "w:agent"
+    TOOK_TOO_LONG = "took-too-long", "w:agent"
+    NOT_ANSWERING = "not-answering", "w:agent"
+    SAY_AGAIN_LATER = "say-again-later", "because"
+    NOT_OBSERVED_YET = "not-observed-yet"  # observations are under way to km
+    CANCELLED = "cancelled"
+    HAD_ENDED = "had-ended"
+    OBSERVER_AWAY = "observer-away"
+    LOOK_NOT_OVER = "look-not-over"
+    STATES_LOST = "states-lost"
+    # Plans
+    PLAN = "plan", "x:number because"
+    PLAN_TAKES = "plan-takes", "x:number y:s"
+    TOOK = "took", "x:s"
+    GIVEN_UP = "given-up", "x:plans because"
+    NO_METHOD = "no-method"
+    NOT_A_TASK = "not-a-task", "w:task"
+    NOT_A_HAND = "not-a-hand", "w:hand"
+    NOT_A_PLACE = "not-a-place", "w:furniture"
+    SEARCH_TOO_LONG = "search-too-long", "x:steps"
+    LOCALIZED = "localized", "a"
+    NOT_LOCALIZED = "not-localized", "a"
+    SO_ALREADY = "so-already"
+    LOOKS_FIRST = "looks-first"
+    NEW_PLAN_WANTED = "new-plan-wanted"
+    OPERATOR_WANTS_A_PLAN = "operator-wants-a-plan"
+    NOBODY_CAME = "nobody-came", "x:min because"
+    UNKNOWN_TO_KM = "unknown-to-km", "w:asked"
+    WRONG_PLAN = "wrong-plan"
+
+    # Scheduling
+    ONLY_ONE = "only-one"
+    COSTS_LEAST = "costs-least"
+    SWITCH_COSTS = "switch-costs", "x:s y:s"  # to switch, to wait
+    WAIT_COSTS = "wait-costs", "x:s y:s"  # to wait, to switch
+    NO_EARLIER_DEADLINE = "no-earlier-deadline"
+    CAME_FIRST = "came-first"
+    EARLIEST_DEADLINE = "earliest-deadline", "x:s"
+    RUNS_ALREADY = "runs-already"
+    NOTHING_ELSE_WAITS = "nothing-else-waits"
+    THE_REST_FOLLOWS = "the-rest-follows"
+    LESS_URGENT = "less-urgent"
+    MORE_URGENT = "more-urgent"
+    BEGINS_IN = "begins-in", "x:s"
+    IS_NEXT = "is-next"
+    TASKS_BEFORE = "tasks-before", "x:tasks because"
+    COMES_BEFORE = "comes-before", "w:task things because"
+    UNDER_WAY = "under-way"
+    DUE_EARLIER = "due-earlier"
+    SAID_BEFORE = "said-before"
+    COSTS_LESS = "costs-less"
+    LEFT_FOR = "left-for", "w:task things because"
+    GOES_ON = "goes-on", "w:task things because"
+    PUT_ASIDE = "put-aside"
+    NOT_BEGUN_YET = "not-begun-yet"
+    WHILE_PLANNED = "while-planned"
+
+
+class Fact(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A fact of a kind, with the parts that its kind names. `numbers`: in the units that it names."""
+
+    kind: Kind
+    things: tuple[Of, ...] = ()
+    side: Side | None = None
+    numbers: tuple[float, ...] = ()
+    words: tuple[Of, ...] = ()
+    because: tuple["Fact", ...] = ()
+
+
+Facts = tuple[Fact, ...]
+
+
+def fact(kind: Kind, *parts: "str | float | Fact | Facts") -> Fact:
+    """Return a fact from the parts of its kind, in their order; `things` and `because`: as tuples, or one by one.
+
+    Raises ValueError for other parts than those of the kind.
+    """
+    named = [part.partition(":")[0] for part in kind.parts]
+    things: list[str] = []
+    numbers: list[float] = []
+    words: list[str] = []
+    side, reasons, given = None, tuple[Fact, ...](), list(parts)
+    for name in named:
+        if name == "because":
+            reasons, given = _flat(given), []
+        elif name == "things":
+            while given and isinstance(given[0], str):
+                things.append(given.pop(0))
+        elif not given:
+            raise ValueError(f"{kind} needs {' '.join(kind.parts)}, got {parts}")
+        elif name == "side":
+            side = Side(given.pop(0))
+        elif name in "xy":
+            numbers.append(_short(given.pop(0)))
+        else:
+            (things if name in "ab" else words).append(str(given.pop(0)))
+    if given:
+        raise ValueError(f"{kind} takes {' '.join(kind.parts) or 'no parts'}, got {parts}")
+    return Fact(kind, tuple(things), side, tuple(numbers), tuple(words), reasons)
+
+
+def _flat(parts: list["str | float | Fact | Facts"]) -> Facts:
+    return tuple(one for part in parts for one in ((part,) if isinstance(part, Fact) else part))  # type: ignore[misc,union-attr]
+
+
+def _short(number: object) -> float:
+    """A number as it is told: four digits are more than any sentence has, and are the same on each machine."""
+    return float(f"{float(number):.4g}")  # type: ignore[arg-type]
+
+
+def fitting(facts: Facts, room: int) -> Facts:
+    """Return the first facts, as many as fit into so many bytes."""
+    told: list[Fact] = []
+    for one in facts:
+        if (room := room - len(msgspec.msgpack.encode(one))) < 0:
+            break
+        told.append(one)
+    return tuple(told)
+
+
+def different(facts: Facts) -> Facts:
+    """Return the facts, each of them once."""
+    return tuple(dict.fromkeys(facts))

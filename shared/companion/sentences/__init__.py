@@ -1,0 +1,148 @@
+"""Sentences of facts: in the operator's words, and in English and Polish for a person who knows no robots.
+
+Three catalogues, operator.toml, en.toml and pl.toml, have a row for each kind of fact. No program reads a sentence.
+"""
+
+from collections.abc import Iterable, Iterator
+from enum import StrEnum
+from functools import cache
+from importlib import resources
+
+import msgspec
+
+from companion.languages.facts import Fact
+from companion.languages.values import Side
+
+
+class Reader(StrEnum):
+    """Who reads the sentences."""
+
+    OPERATOR = "operator"
+    ENGLISH = "en"
+    POLISH = "pl"
+
+
+class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A catalogue. `fact`: a template for each kind; `side`, `thing`: their forms, for one without a number and, in
+    English, for one with a number; `unit`: its name and its size in it; the others: words for the words in facts.
+    """
+
+    fact: dict[str, str]
+    claim: dict[str, str]
+    sensor: dict[str, str]
+    fault: dict[str, str]
+    part: dict[str, str]
+    agent: dict[str, str]
+    task: dict[str, str]
+    side: dict[Side, tuple[str, ...]]
+    thing: dict[str, tuple[str, ...]]
+    unit: dict[str, tuple[str, float]]
+    furniture: dict[str, str] = {}
+    joined: dict[str, str] = msgspec.field(name="and", default_factory=dict)
+
+
+class _Forms(str):
+    """A word with its forms: {a} is the first, {a:1} the second one."""
+
+    __slots__ = ("forms",)
+    forms: tuple[str, ...]
+
+    def __format__(self, form: str) -> str:
+        return self.forms[int(form or 0)]
+
+
+@cache
+def catalogue(reader: Reader) -> Catalogue:
+    """Return the catalogue of a reader."""
+    file = resources.files(__package__).joinpath(f"{reader}.toml")
+    return msgspec.toml.decode(file.read_bytes(), type=Catalogue)
+
+
+def operator(facts: Iterable[Fact]) -> str:
+    """Return facts in the operator's words, with semicolons between them; "" for none."""
+    return "; ".join(dict.fromkeys(_with_reasons(one) for one in facts))
+
+
+def person(facts: Iterable[Fact], language: str) -> str:
+    """Return facts as sentences for a person, in "en" or "pl"; "" for none."""
+    return " ".join(dict.fromkeys(_sentences(facts, Reader(language))))
+
+
+def thing(name: str, reader: Reader, form: int = 0) -> str:
+    """Return what a thing is called: jar_1 is the jar, table_2 is table 2."""
+    return format(_thing(name, reader), str(form))
+
+
+def _with_reasons(fact: Fact) -> str:
+    template, because = catalogue(Reader.OPERATOR).fact[fact.kind], operator(fact.because)
+    if "{because}" in template:
+        return template.format(because=because, **_parts(fact, Reader.OPERATOR))
+    said = template.format(**_parts(fact, Reader.OPERATOR))
+    return f"{said}: {because}" if because else said
+
+
+def _sentences(facts: Iterable[Fact], reader: Reader) -> Iterator[str]:
+    for fact in facts:
+        said = catalogue(reader).fact[fact.kind].format(**_parts(fact, reader))
+        if said:
+            yield said[:1].upper() + said[1:]
+        yield from _sentences(fact.because, reader)
+
+
+def _parts(fact: Fact, reader: Reader) -> dict[str, object]:
+    """Return the parts of a fact in words, by their names in the kind."""
+    rows, found = catalogue(reader), dict[str, object]()
+    things, numbers, words = iter(fact.things), iter(fact.numbers), iter(fact.words)
+    for part in fact.kind.parts:
+        name, _, of = part.partition(":")
+        if name == "things":
+            found[name] = _listed([thing(one, reader) for one in things], rows)
+        elif name == "side":
+            found[name] = _forms(rows.side[fact.side] if fact.side else ("",))
+        elif name in ("a", "b"):
+            found[name] = _thing(next(things, ""), reader)
+        elif name in ("x", "y"):
+            found[name] = _number(next(numbers, 0.0), of, rows)
+        elif name in ("w", "v"):
+            word = next(words, "")
+            found[name] = getattr(rows, of, {}).get(word, word.replace("_", " "))
+    if "a" not in found:
+        found["a"] = ""
+    for name in ("w", "v"):  # a claim names its thing, a fault its number
+        if name in found:
+            found[name] = str(found[name]).format(**found)
+    return found
+
+
+def _listed(words: list[str], rows: Catalogue) -> str:
+    if len(words) < 2:
+        return "".join(words)
+    return f"{rows.joined['many'].join(words[:-1])}{rows.joined['two']}{words[-1]}"
+
+
+def _thing(name: str, reader: Reader) -> _Forms:
+    kind, _, number = name.partition("_")
+    forms = catalogue(reader).thing.get(kind, (kind,) * 5)
+    if number in ("", "1"):
+        return _forms(forms)
+    if reader is Reader.ENGLISH:
+        forms = forms[1:] or forms
+    return _forms(tuple(f"{form} {number}" for form in forms))
+
+
+def _forms(forms: tuple[str, ...]) -> _Forms:
+    word = _Forms(forms[0])
+    word.forms = forms
+    return word
+
+
+def _number(value: float, unit: str, rows: Catalogue) -> str:
+    """Return a number with its unit, to three digits; a count has none."""
+    if unit not in rows.unit:
+        return f"{value:.0f}"
+    name, size = rows.unit[unit]
+    return f"{float(f'{value * size:.{_digits(rows)}g}'):g} {name}"
+
+
+def _digits(rows: Catalogue) -> int:
+    return 2 if rows.furniture else 3  # a person needs fewer; only the catalogues for persons name furniture
