@@ -10,6 +10,7 @@ from agent_runtime.core.events import Broken, Late, Received, Woken
 from agent_runtime.core.turn import Turn
 from companion.design import AgentName
 from companion.languages import rc, wm
+from companion.languages.facts import Facts, Kind, fact
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative
 from services.task.memory import Act, Memory
@@ -20,7 +21,7 @@ AGREE_WITHIN_S = 60.0  # estimate: ex computes a skill in seconds; a path that i
 SLACK, MARGIN_S = "slack", 10.0  # an act may last slack x its expected duration + 10 s (ruling with the design)
 PATIENCE = "act"
 STOPPED_S = 20.0  # estimate: ex brakes in a second and comes back in seconds
-UNANSWERED = "the robot does not answer: it was told to stop"
+UNANSWERED = (fact(Kind.NOT_ANSWERING, AgentName.EX),)
 Outcome = rc.Done | rc.NotDone
 
 
@@ -48,8 +49,9 @@ def hear(memory: Memory, turn: Turn) -> tuple[Memory, Outcome | None]:
     match turn.event:
         case Received(conversation=name, content=content) as received if name == act.conversation:
             return _told(memory, turn, act, received, content)
-        case Broken(conversation=name, reason=reason) if name == act.conversation:
-            return _over(memory, turn), rc.NotDone(act.command.key, rc.NotDoneKind.INTERRUPTED, f"ex: {reason}")
+        case Broken(conversation=name) if name == act.conversation:
+            why = (fact(Kind.BROKE_OFF, AgentName.EX),)
+            return _over(memory, turn), rc.NotDone(act.command.key, rc.NotDoneKind.INTERRUPTED, why)
         case _:
             return memory, None
 
@@ -88,8 +90,10 @@ def _told(memory: Memory, turn: Turn, act: Act, received: Received, content: obj
         outcome = content
         memory = _observed(memory, turn, act.command, outcome)
     elif ended and not act.stopped:
-        words = content.text if isinstance(content, Reason) else f"answered {received.communicate.performative}"
-        outcome = rc.NotDone(act.command.key, rc.NotDoneKind.FAILED, f"ex: {words}")
+        turn.log("act refused", level="warning", why=content.text if isinstance(content, Reason) else "")
+        understood = received.communicate.performative is not Performative.NOT_UNDERSTOOD
+        why = fact(Kind.NO_REASON if understood else Kind.NOT_UNDERSTOOD, AgentName.EX)
+        outcome = rc.NotDone(act.command.key, rc.NotDoneKind.FAILED, (why,))
     return (_over(memory, turn) if ended else memory), outcome
 
 
@@ -104,7 +108,7 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
     A look that failed gives none: its posture alone would look like an empty world.
     """
     if isinstance(outcome, rc.NotDone) and outcome.kind == rc.NotDoneKind.NEW_WORLD:
-        lost = wm.WorldLost(outcome.reason)
+        lost = wm.WorldLost(outcome.why)
         turn.observe(OBSERVER, subject(lost), lost)
         return replace(memory, hands={})
     if outcome.body is None or (isinstance(command, rc.Look) and isinstance(outcome, rc.NotDone)):
@@ -121,9 +125,9 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
     return replace(memory, hands={side: held[0] for side, held in outcome.held.items()})
 
 
-def nothing_seen(turn: Turn, reason: str) -> None:
+def nothing_seen(turn: Turn, why: Facts) -> None:
     """Queue for km why a look around showed nothing."""
-    over = wm.NothingSeen(reason)
+    over = wm.NothingSeen(why)
     turn.observe(OBSERVER, subject(over), over)
 
 

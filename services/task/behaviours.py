@@ -5,6 +5,7 @@ for the operator (stepping.py), with stopping and securing before closing if a p
 not know: pl, geometry.
 """
 
+import msgspec
 from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent
@@ -12,8 +13,10 @@ from agent_runtime.core.events import Broken, Received, Settled, Started, Woken
 from agent_runtime.core.turn import Turn
 from companion.binding import bind
 from companion.design import AgentName
-from companion.languages import hfsm, rc, sw, wm
-from companion.languages.evidence import Claim, fitting
+from companion.languages import evidence, facts, hfsm, rc, sw, wm
+from companion.languages.evidence import Claim
+from companion.languages.facts import Facts, Kind, fact
+from companion.sentences import operator
 from fipa_codec.performatives import Performative
 from services.task import acts, running, stepping
 from services.task import plan as plans
@@ -23,7 +26,7 @@ from services.task.words import SURVEY
 SURVEYS = 3  # tries of a look around; estimate: ex may still be starting at the first
 AGAIN_S, AGAIN = 2.0, "survey again"
 BARRIER_S, BARRIER = 30.0, "barrier"  # estimate: km is restarted within seconds, or it is gone for good
-REASON_CHARS = 200  # with the evidence; a report must stay within its 400 bytes
+REASON_BYTES = 200  # with the evidence; a report must stay within its 400 bytes
 
 
 def agent() -> Agent[Memory]:
@@ -60,7 +63,9 @@ def _taken(memory: Memory, turn: Turn, conversation: str, plan: hfsm.Hierarchica
     try:
         plans.check(plan.root)
     except plans.PlanError as error:
-        turn.say(conversation, Performative.REFUSE, sw.Report(sw.WorkerState.FAILED, reason=str(error)[:REASON_CHARS]))
+        turn.log("wrong plan", level="warning", why=str(error))
+        report = sw.Report(sw.WorkerState.FAILED, why=(fact(Kind.WRONG_PLAN),))
+        turn.say(conversation, Performative.REFUSE, report)
         return memory
     return replace(_between_plans(memory), conversation=conversation, plan=plan)
 
@@ -92,12 +97,12 @@ def survey(memory: Memory, turn: Turn) -> Memory:
         return memory
     if isinstance(outcome, rc.Done):
         return replace(memory, survey=0)
-    why = outcome.reason if outcome else "its end crossed the cancel"
-    turn.log("survey failed", level="warning", reason=why)
+    why = outcome.why if outcome else (fact(Kind.CANCELLED),)
+    turn.log("survey failed", level="warning", reason=operator(why))
     if memory.survey > 1:
         turn.wake(AGAIN, turn.now + AGAIN_S)
     else:
-        acts.nothing_seen(turn, f"the look around failed: {why}"[:REASON_CHARS])
+        acts.nothing_seen(turn, facts.fitting(why, REASON_BYTES))
     return replace(memory, survey=memory.survey - 1)
 
 
@@ -133,23 +138,21 @@ def close_plan(memory: Memory, turn: Turn) -> Memory:
     pending = any(peer == acts.OBSERVER for peer, _ in turn.due)
     match turn.event:
         case Woken(name=name) if name == BARRIER and pending:
-            words = f"{memory.reason} (observations pending: km does not take them)".strip()
-            return _report(memory, turn, words)
+            return _report(memory, turn, (*memory.why, fact(Kind.NOT_OBSERVED_YET)))
         case None | Settled() | Started() | Woken() if not pending:
-            return _report(memory, turn, memory.reason)
+            return _report(memory, turn, memory.why)
         case None:
             turn.wake(BARRIER, turn.now + BARRIER_S)
     return memory
 
 
-def _report(memory: Memory, turn: Turn, reason: str) -> Memory:
+def _report(memory: Memory, turn: Turn, why: Facts) -> Memory:
     assert memory.end is not None
     turn.unwake(BARRIER)
     if turn.holds(memory.conversation):
-        words = reason[:REASON_CHARS]
-        told = fitting(memory.evidence, REASON_CHARS - len(words.encode()))
-        report = sw.Report(memory.end, reason=words, evidence=told)
-        turn.say(memory.conversation, Performative.INFORM, report)
+        told = facts.fitting(facts.different(why), REASON_BYTES)
+        known = evidence.fitting(memory.evidence, REASON_BYTES - len(msgspec.msgpack.encode(told)))
+        turn.say(memory.conversation, Performative.INFORM, sw.Report(memory.end, why=told, evidence=known))
     return replace(memory, reported=True)
 
 

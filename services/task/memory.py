@@ -4,6 +4,7 @@ import msgspec
 
 from companion.languages import hfsm, rc, sw
 from companion.languages.evidence import Evidence
+from companion.languages.facts import Facts
 from companion.languages.values import Side
 from services.task import plan as plans
 
@@ -35,7 +36,7 @@ class Memory(msgspec.Struct, frozen=True):
 
     `at`: position in the running machine. `act`: the act under way. `looking`: that act is a look, because the outcome
     of the act before is unknown. `secured`: number of tries to put down what is held. `end`: how the plan ends, None
-    before; `reason` in words. `hands`: what each hand holds by the last outcome. `survey`: tries left of a look around.
+    before, and `why`. `hands`: what each hand holds by the last outcome. `survey`: tries left of a look around.
     `evidence`: what the acts of the plan made true, and which senses told.
     `acts`: counts the acts outside plans, for their keys. `pending`: UNSET unless an operator is asked.
     """
@@ -49,7 +50,7 @@ class Memory(msgspec.Struct, frozen=True):
     cancelled: bool = False
     secured: int = 0
     end: sw.WorkerState | None = None
-    reason: str = ""
+    why: Facts = ()
     reported: bool = False
     hands: dict[Side, str] = {}
     evidence: tuple[Evidence, ...] = ()

@@ -6,11 +6,12 @@ from agent_runtime.core.turn import Turn
 from companion import autonomy
 from companion.autonomy import ASKED, LEVEL, Verb
 from companion.languages import hfsm
+from companion.languages.facts import Kind, fact
 from services.task import plan as plans
 from services.task.memory import Memory
 
 PATH_CHARS = 200  # a report must stay within its 400 bytes
-WANTED = "the operator wants a new plan"
+WANTED = (fact(Kind.OPERATOR_WANTS_A_PLAN),)
 
 
 def asks(memory: Memory, turn: Turn, leaf: plans.Leaf) -> bool:

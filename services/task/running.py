@@ -11,8 +11,12 @@ from msgspec.structs import replace
 
 from agent_runtime.core.events import Broken, Late, Ordered, Received, Started
 from agent_runtime.core.turn import Turn
+from companion.design import AgentName
 from companion.languages import hfsm, rc, sw, wm
 from companion.languages.evidence import Evidence
+from companion.languages.facts import Facts, Kind, fact, fitting
+from companion.languages.values import Side
+from companion.sentences import operator
 from fipa_codec.performatives import Performative
 from services.task import acts, orders, senses
 from services.task import plan as plans
@@ -52,8 +56,8 @@ def always(memory: Memory, turn: Turn) -> Memory:
     """Take what may come in every state of a plan: a new observer, the end of the conversation with co."""
     observed(turn)
     match turn.event:
-        case Broken(conversation=name, reason=reason) if name == memory.conversation and memory.end is None:
-            return preempted(memory, turn, f"the conversation with co broke: {reason}")
+        case Broken(conversation=name) if name == memory.conversation and memory.end is None:
+            return preempted(memory, turn, (fact(Kind.BROKE_OFF, AgentName.CO),))
     return memory
 
 
@@ -62,7 +66,7 @@ def observed(turn: Turn) -> None:
     match turn.event:
         case Received(content=wm.ObserveWorld()) as received:
             turn.say(received.conversation, Performative.AGREE)
-            acts.nothing_seen(turn, "no look around is made while a plan is carried out")
+            acts.nothing_seen(turn, (fact(Kind.NO_LOOK_IN_A_PLAN),))
 
 
 # --- running ----------------------------------------------------------------------------------------------------------
@@ -79,26 +83,26 @@ def run_plan(memory: Memory, turn: Turn) -> Memory:
         return memory
     match turn.event:
         case Received(communicate=word, conversation=name) if name == memory.conversation:
-            return preempted(memory, turn, "") if word.performative is Performative.CANCEL else memory
+            return preempted(memory, turn, ()) if word.performative is Performative.CANCEL else memory
         case Ordered() if orders.replan_wanted(memory, turn):
-            return replace(acts.stop(memory, turn), end=sw.WorkerState.REPLAN, reason=orders.WANTED)
+            return replace(acts.stop(memory, turn), end=sw.WorkerState.REPLAN, why=orders.WANTED)
         case _:
             return _go_on(memory, turn, _finish)
 
 
-def preempted(memory: Memory, turn: Turn, reason: str) -> Memory:
+def preempted(memory: Memory, turn: Turn, why: Facts) -> Memory:
     """End a cancelled plan: stop the act, drop the query; what is held is put down afterwards."""
     if memory.soft.question:
         turn.drop(memory.soft.question)
     memory = replace(acts.stop(memory, turn), pending=UNSET)
     tell(memory, turn, sw.WorkerState.TERMINATING)
-    return replace(memory, cancelled=True, end=sw.WorkerState.PREEMPTED, reason=reason, soft=Soft())
+    return replace(memory, cancelled=True, end=sw.WorkerState.PREEMPTED, why=why, soft=Soft())
 
 
-def _finish(memory: Memory, outcome: Outcome, reason: str) -> Memory:
+def _finish(memory: Memory, outcome: Outcome, why: Facts) -> Memory:
     """End the plan; where it succeeded, say what nobody has checked."""
-    words = not_checked(memory.evidence) if outcome is Outcome.SUCCEEDED else ""
-    return replace(memory, end=ENDS[outcome], reason=_joined(reason, words))
+    doubts = not_checked(memory.evidence) if outcome is Outcome.SUCCEEDED else ()
+    return replace(memory, end=ENDS[outcome], why=(*why, *doubts))
 
 
 # --- securing ---------------------------------------------------------------------------------------------------------
@@ -112,24 +116,23 @@ def make_safe(memory: Memory, turn: Turn) -> Memory:
         return enter(replace(memory, safe=safe, secured=1, end=None), turn, plans.first(safe), _secured)
     memory = _go_on(always(memory, turn), turn, _secured)
     if memory.end is not None and memory.hands and memory.secured < ATTEMPTS:
-        memory = replace(memory, secured=memory.secured + 1, end=None, reason="")
+        memory = replace(memory, secured=memory.secured + 1, end=None, why=())
         return enter(memory, turn, plans.first(memory.machine), _secured)
     return memory
 
 
-def _secured(memory: Memory, outcome: Outcome, reason: str) -> Memory:
+def _secured(memory: Memory, outcome: Outcome, why: Facts) -> Memory:
     """End the plan: Preempted if nothing is held, else Failed."""
-    why = memory.reason or reason
+    why = memory.why or why
     if not memory.hands:
-        return replace(memory, end=sw.WorkerState.PREEMPTED, reason=why)
-    held = ", ".join(memory.hands.values())
-    words = f"cancelled, but not everything could be put down (held: {held}): {why}"
-    return replace(memory, end=sw.WorkerState.FAILED, reason=words)
+        return replace(memory, end=sw.WorkerState.PREEMPTED, why=why)
+    held = fact(Kind.STILL_HELD, *memory.hands.values(), *why)
+    return replace(memory, end=sw.WorkerState.FAILED, why=(held,))
 
 
 # --- both -------------------------------------------------------------------------------------------------------------
 
-Finish = Callable[[Memory, Outcome, str], Memory]
+Finish = Callable[[Memory, Outcome, Facts], Memory]
 
 
 def enter(
@@ -148,7 +151,7 @@ def enter(
         return acts.begin(memory, turn, _named(memory, leaf.command))
     if isinstance(leaf, hfsm.AskState):
         return _ask(memory, turn, leaf)
-    return leave(memory, turn, leaf.outcome, leaf.reason, finish or _finish)
+    return leave(memory, turn, leaf.outcome, leaf.why, finish or _finish)
 
 
 def _named(memory: Memory, command: rc.Act) -> rc.Act:
@@ -156,21 +159,19 @@ def _named(memory: Memory, command: rc.Act) -> rc.Act:
     return replace(command, key=f"{command.key}.{memory.secured}") if memory.secured > 1 else command
 
 
-def leave(memory: Memory, turn: Turn, outcome: Outcome, reason: str, finish: Finish) -> Memory:
+def leave(memory: Memory, turn: Turn, outcome: Outcome, why: Facts, finish: Finish) -> Memory:
     """Leave the leaf with an outcome: enter the next one, or finish the machine."""
     following = plans.after(memory.machine, memory.at, outcome)
     if isinstance(following, Outcome):
-        return finish(memory, following, reason)
+        return finish(memory, following, why)
     return enter(memory, turn, following, finish)
 
 
 def _go_on(memory: Memory, turn: Turn, finish: Finish) -> Memory:
     """Take an event that the present leaf waits for."""
     if acts.overdue(memory, turn):
-        assert memory.act is not None
-        words = f"ex took too long for {memory.act.command.key}"
         end = sw.WorkerState.FAILED if memory.cancelled else sw.WorkerState.REPLAN
-        return replace(acts.stop(memory, turn), end=end, reason=words)
+        return replace(acts.stop(memory, turn), end=end, why=(fact(Kind.TOOK_TOO_LONG, AgentName.EX),))
     if memory.soft.question or isinstance(turn.event, Started):
         return _answered(memory, turn, finish)
     memory, outcome = acts.hear(memory, turn)
@@ -181,32 +182,27 @@ def _go_on(memory: Memory, turn: Turn, finish: Finish) -> Memory:
 
 def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) -> Memory:
     if memory.looking:
-        why = _joined(memory.reason, senses.told(outcome))
-        return finish(replace(memory, looking=False), Outcome.REPLAN, why)
+        return finish(replace(memory, looking=False), Outcome.REPLAN, (*memory.why, *senses.told(outcome)))
     if isinstance(outcome, rc.Done):
         if outcome.missing and outcome.arrived is None and memory.safe is None:
-            return _look(memory, turn, outcome.key, f"{' and '.join(outcome.missing)}: not where it was")
+            return _look(memory, turn, outcome.key, tuple(fact(Kind.NOT_WHERE_IT_WAS, one) for one in outcome.missing))
         lacking = _lacking(memory, outcome)
         end = Outcome.SUCCEEDED if _poured(memory, outcome) and not lacking else Outcome.FAILED
-        why = _joined(_seen(memory, outcome) or not_checked(lacking), senses.told(outcome))
+        why = (*(_seen(memory, outcome) or not_checked(lacking)), *senses.told(outcome))
         return leave(memory, turn, end, why, finish)
-    turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
+    turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=operator(outcome.why))
     if memory.safe is not None:
-        memory = replace(memory, reason=memory.reason or outcome.reason)
+        memory = replace(memory, why=memory.why or outcome.why)
     if outcome.kind in LOOK_FIRST and memory.safe is None:
-        return _look(memory, turn, outcome.key, outcome.reason)
-    why = _joined(outcome.reason, senses.told(outcome))
+        return _look(memory, turn, outcome.key, outcome.why)
+    why = (*outcome.why, *senses.told(outcome))
     return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), why, finish)
 
 
-def _joined(*words: str) -> str:
-    return "; ".join(filter(None, words))
-
-
-def _look(memory: Memory, turn: Turn, key: str, reason: str) -> Memory:
+def _look(memory: Memory, turn: Turn, key: str, why: Facts) -> Memory:
     """Look around after an act that left the world unknown, without moving an arm; then plan again. Say why at once."""
-    memory = replace(memory, looking=True, reason=reason)
-    tell(memory, turn, sw.WorkerState.ERROR, reason[: orders.PATH_CHARS])
+    memory = replace(memory, looking=True, why=why)
+    tell(memory, turn, sw.WorkerState.ERROR, fitting(why, orders.PATH_CHARS))
     return acts.begin(memory, turn, replace(SURVEY, key=f"{key}.look"))
 
 
@@ -226,35 +222,37 @@ def _poured(memory: Memory, outcome: rc.Done) -> bool:
             return True
 
 
-def _seen(memory: Memory, outcome: rc.Done) -> str:
+def _seen(memory: Memory, outcome: rc.Done) -> Facts:
     """Return what was seen or felt in an act, which is told where it ends the plan."""
     leaf = plans.leaf(memory.machine, memory.at)
     match leaf:
         case hfsm.ActState(command=rc.Look()):
-            return f"seen: {', '.join(sorted(one.object for one in outcome.seen)) or 'nothing'}"
+            things = sorted(one.object for one in outcome.seen)
+            return (fact(Kind.SEEN, *things) if things else fact(Kind.SEEN_NOTHING),)
         case hfsm.ActState(command=rc.Pour() as pour):
-            felt = "" if outcome.weighed is None else _felt(pour, *outcome.weighed)
-            return _joined(felt, _looked_into(pour, outcome))
+            felt = () if outcome.weighed is None else _felt(pour, *outcome.weighed)
+            return (*felt, *_looked_into(pour, outcome))
         case _:
-            return ""
+            return ()
 
 
-def _felt(pour: rc.Pour, before: float, after: float) -> str:
-    """Return how much [kg] was felt to leave a source, and how much to stay in it."""
-    words = f"felt: {1000 * (before - after):.0f} g left {pour.source}"
+def _felt(pour: rc.Pour, before: float, after: float) -> Facts:
+    """Return how much [kg] was felt to leave a source, and how much to stay in it, to a gram."""
     rest = after - pour.empty_mass
-    return f"{words}, {1000 * rest:.0f} g are still in it" if rest > rc.LEAST_WEIGHED_KG else words
+    still = (fact(Kind.STILL_IN, pour.source, round(rest, 3)),) if rest > rc.LEAST_WEIGHED_KG else ()
+    return (fact(Kind.LEFT, pour.source, round(before - after, 3)), *still)
 
 
-def _looked_into(pour: rc.Pour, outcome: rc.Done) -> str:
-    """Return how much was seen in the destination then."""
-    if pour.destination in outcome.missing:
-        return f"{pour.destination} is not where it was"
+def _looked_into(pour: rc.Pour, outcome: rc.Done) -> Facts:
+    """Return how much was seen in the destination then, to ten grams."""
+    name = pour.destination
+    if name in outcome.missing:
+        return (fact(Kind.NOT_WHERE_IT_WAS, name),)
     if outcome.arrived is None:
-        return f"not seen: whether it is in {pour.destination}; look into {pour.destination}"
-    seen = next((one.content for one in outcome.seen if one.object == pour.destination), None)
-    words = f"seen: {'some' if seen is None else f'about {round(1000 * seen, -1):.0f} g'} in {pour.destination}"
-    return words if outcome.arrived else f"{words}: the rest is not there"
+        return (fact(Kind.NOT_SEEN_IN, name),)
+    seen = next((one.content for one in outcome.seen if one.object == name), None)
+    there = fact(Kind.ARRIVED_SOME, name) if seen is None else fact(Kind.ARRIVED, name, round(seen, 2))
+    return (there,) if outcome.arrived else (there, fact(Kind.REST_NOT_THERE, name))
 
 
 # --- questions --------------------------------------------------------------------------------------------------------
@@ -276,21 +274,27 @@ def _answered(memory: Memory, turn: Turn, finish: Finish) -> Memory:
         case Received(conversation=name, content=content) if name == memory.soft.question:
             memory = replace(memory, soft=Soft())
             if isinstance(content, wm.Truth) and content.value is leaf.expect:
-                return leave(memory, turn, Outcome.SUCCEEDED, "", finish)
+                return leave(memory, turn, Outcome.SUCCEEDED, (), finish)
             return leave(memory, turn, leaf.otherwise, _no(leaf, content), finish)
         case Late(conversation=name) | Broken(conversation=name) if name == memory.soft.question:
-            words = f"km does not answer: {leaf.name}"
-            return leave(replace(memory, soft=Soft()), turn, Outcome.FAILED, words, finish)
+            why = (fact(Kind.NOT_ANSWERING, AgentName.KM),)
+            return leave(replace(memory, soft=Soft()), turn, Outcome.FAILED, why, finish)
         case _:
             return memory
 
 
-def _no(leaf: hfsm.AskState, content: object) -> str:
-    return content.reason if isinstance(content, wm.Unknown | wm.UnknownState) else f"{leaf.name} no"
+def _no(leaf: hfsm.AskState, content: object) -> Facts:
+    """Return why km does not answer as the plan expects."""
+    if isinstance(content, wm.Unknown):
+        return content.why
+    match leaf.query:
+        case wm.Holds(relation=wm.Relation.HAS_EXACT_POSE, subject=name):
+            return (fact(Kind.NOT_LOCALIZED, name),)
+    return (fact(Kind.NEW_PLAN_WANTED),)
 
 
-def tell(memory: Memory, turn: Turn, state: sw.WorkerState, reason: str = "") -> None:
+def tell(memory: Memory, turn: Turn, state: sw.WorkerState, why: Facts = (), side: Side | None = None) -> None:
     """Report the position in the plan to co."""
     if not turn.holds(memory.conversation) or memory.plan is None:
         return
-    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, at=orders.path(memory), reason=reason))
+    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, orders.path(memory), side, why))

@@ -11,6 +11,7 @@ from agent_runtime.core.events import Ordered, Received, Woken
 from agent_runtime.core.turn import Turn
 from companion.autonomy import WAIT_S, Verb
 from companion.languages import hfsm, sw
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from fipa_codec.performatives import Performative
 from services.task import plan as plans
@@ -28,7 +29,7 @@ def await_operator(memory: Memory, turn: Turn) -> Memory:
     """
     if turn.event is None:
         turn.wake(NOBODY, turn.now + WAIT_S)
-        running.tell(memory, turn, sw.WorkerState.WAITING, _hand(memory))
+        running.tell(memory, turn, sw.WorkerState.WAITING, side=_hand(memory))
         return memory
     memory = _answered(running.always(memory, turn), turn)
     if not memory.asked:
@@ -40,11 +41,11 @@ def _answered(memory: Memory, turn: Turn) -> Memory:
     match turn.event:
         case Received(communicate=word, conversation=name) if name == memory.conversation:
             cancelled = word.performative is Performative.CANCEL
-            return running.preempted(memory, turn, "") if cancelled else memory
+            return running.preempted(memory, turn, ()) if cancelled else memory
         case Woken(name=name) if name == NOBODY:
-            held = f"; the robot holds {', '.join(memory.hands.values())}" if memory.hands else ""
-            words = f"nobody let “{path(memory)}” begin within {WAIT_S / 60:.0f} min{held}"
-            return replace(memory, end=sw.WorkerState.FAILED, reason=words, pending=UNSET)
+            held = (fact(Kind.HOLDING, *memory.hands.values()),) if memory.hands else ()
+            why = (fact(Kind.NOBODY_CAME, WAIT_S / 60.0), *held)
+            return replace(memory, end=sw.WorkerState.FAILED, why=why, pending=UNSET)
         case Ordered():
             return _ordered(memory, turn)
     return memory
@@ -56,14 +57,14 @@ def _ordered(memory: Memory, turn: Turn) -> Memory:
     if verb is Verb.REPLAN:
         following = plans.after(memory.machine, memory.asked, hfsm.Outcome.REPLAN)
         if isinstance(following, hfsm.Outcome):
-            return replace(memory, end=running.ENDS[following], reason=WANTED, pending=UNSET)
+            return replace(memory, end=running.ENDS[following], why=WANTED, pending=UNSET)
         return replace(memory, pending=Pending(following, let=True))
     free = verb is Verb.GO or not asks(memory, turn, plans.leaf(memory.machine, memory.asked))
     return replace(memory, pending=Pending(memory.asked, let=True)) if free else memory
 
 
-def _hand(memory: Memory) -> str:
-    """Return with which hand the act that waits is done, in words; "" where it has none."""
+def _hand(memory: Memory) -> Side | None:
+    """Return with which hand the act that waits is done; None where it has none."""
     leaf = plans.leaf(memory.machine, memory.asked)
     side = getattr(leaf.command, "side", None) if isinstance(leaf, hfsm.ActState) else None
-    return f"with the {side} hand" if isinstance(side, Side) else ""
+    return side if isinstance(side, Side) else None

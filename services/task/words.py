@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 from companion.languages import rc, rs, wm
 from companion.languages.evidence import Claim, Evidence, Sense, newest, unchecked
+from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Side
 from companion.look_around import POINTS
-from companion.wording import CLAIMS
 
 SURVEY = rc.Look(key="survey", at=POINTS)
 """The look around for a new observer of the world."""
@@ -55,10 +55,9 @@ def _within(seen: rs.Seen) -> float:
     return 0.0 if seen.uncertainty is None else seen.uncertainty.deviation
 
 
-def not_checked(known: tuple[Evidence, ...]) -> str:
-    """Return in words what no sense has told; "" for nothing."""
-    claims = " and whether ".join(CLAIMS[one.claim].format(one.of) for one in unchecked(known))
-    return claims and f"not checked: whether {claims}"
+def not_checked(known: tuple[Evidence, ...]) -> Facts:
+    """Return what no sense has told."""
+    return tuple(fact(Kind.NOT_CHECKED, one.claim, one.of) for one in unchecked(known))
 
 
 def subject(observation: wm.AnyObservation) -> str:

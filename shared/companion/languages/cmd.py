@@ -85,8 +85,8 @@ class TaskState(StrEnum):
 
 
 class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """State of a task, and why. `steps`: with a new plan, what it does one after the other. `evidence`: at the end, what
-    is true now and which senses told.
+    """State of a task, and why. `steps`: with a new plan, what it does one after the other. `evidence`: at the end,
+    what is true now and which senses told.
 
     `at`: the path of the plan's state that is under way, or, where it `asks`, that waits for an operator, with the hand
     that does it.

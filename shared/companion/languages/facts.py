@@ -1,10 +1,10 @@
-"""Facts, the parts of the content languages that say why, what, how much: a kind with its things, hands, numbers, words.
+"""Facts say why, what and how much in the content languages: a kind with its things, hand, numbers and words.
 
 Programs decide by kinds and parts. Sentences are made where a person reads them (companion.sentences).
 """
 
 from enum import StrEnum
-from typing import Self
+from typing import Any, Self
 
 import msgspec
 
@@ -172,7 +172,7 @@ class Kind(StrEnum):
     LOOKS_FIRST = "looks-first"
     NEW_PLAN_WANTED = "new-plan-wanted"
     OPERATOR_WANTS_A_PLAN = "operator-wants-a-plan"
-    NOBODY_CAME = "nobody-came", "x:min because"
+    NOBODY_CAME = "nobody-came", "x:min"
     UNKNOWN_TO_KM = "unknown-to-km", "w:asked"
     WRONG_PLAN = "wrong-plan"
 
@@ -218,42 +218,38 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True):
 Facts = tuple[Fact, ...]
 
 
-def fact(kind: Kind, *parts: "str | float | Fact | Facts") -> Fact:
-    """Return a fact from the parts of its kind, in their order; `things` and `because`: as tuples, or one by one.
+def fact(kind: Kind, *parts: Any) -> Fact:
+    """Return a fact from the parts of its kind, in their order. Raises ValueError for others.
 
-    Raises ValueError for other parts than those of the kind.
+    Parts are str, Side, float and, as reasons, Fact or Facts.
     """
-    named = [part.partition(":")[0] for part in kind.parts]
-    things: list[str] = []
-    numbers: list[float] = []
-    words: list[str] = []
-    side, reasons, given = None, tuple[Fact, ...](), list(parts)
-    for name in named:
+    left = list(parts)
+    found: dict[str, list[Any]] = {"things": [], "side": [], "numbers": [], "words": [], "because": []}
+    for name in kind.parts:
+        field = _FIELDS[name.partition(":")[0]]
         if name == "because":
-            reasons, given = _flat(given), []
+            found[field], left = [one for part in left for one in ((part,) if isinstance(part, Fact) else part)], []
         elif name == "things":
-            while given and isinstance(given[0], str):
-                things.append(given.pop(0))
-        elif not given:
-            raise ValueError(f"{kind} needs {' '.join(kind.parts)}, got {parts}")
-        elif name == "side":
-            side = Side(given.pop(0))
-        elif name in "xy":
-            numbers.append(_short(given.pop(0)))
+            while left and isinstance(left[0], str):
+                found[field].append(left.pop(0))
+        elif left:
+            found[field].append(left.pop(0))
         else:
-            (things if name in "ab" else words).append(str(given.pop(0)))
-    if given:
+            raise ValueError(f"{kind} needs {' '.join(kind.parts)}, got {parts}")
+    if left:
         raise ValueError(f"{kind} takes {' '.join(kind.parts) or 'no parts'}, got {parts}")
-    return Fact(kind, tuple(things), side, tuple(numbers), tuple(words), reasons)
+    return Fact(
+        kind,
+        tuple(map(str, found["things"])),
+        Side(found["side"][0]) if found["side"] else None,
+        tuple(float(f"{number:.4g}") for number in found["numbers"]),  # a sentence has no more digits
+        tuple(map(str, found["words"])),
+        tuple(found["because"]),
+    )
 
 
-def _flat(parts: list["str | float | Fact | Facts"]) -> Facts:
-    return tuple(one for part in parts for one in ((part,) if isinstance(part, Fact) else part))  # type: ignore[misc,union-attr]
-
-
-def _short(number: object) -> float:
-    """A number as it is told: four digits are more than any sentence has, and are the same on each machine."""
-    return float(f"{float(number):.4g}")  # type: ignore[arg-type]
+_FIELDS = {"a": "things", "b": "things", "things": "things", "side": "side", "x": "numbers", "y": "numbers",
+           "w": "words", "v": "words", "because": "because"}  # fmt: skip
 
 
 def fitting(facts: Facts, room: int) -> Facts:

@@ -30,8 +30,8 @@ FINAL = frozenset({WorkerState.SUCCEEDED, WorkerState.FAILED, WorkerState.PREEMP
 
 
 class Report(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """ta's state, and why. `at`: the path of the plan's current state, while Waiting of the next one, with the hand that
-    does it. `evidence`: at the end of a plan, what its acts made true, and which senses told.
+    """ta's state, and why. `at`: the path of the plan's current state, while Waiting of the next one, with the hand
+    that does it. `evidence`: at the end of a plan, what its acts made true, and which senses told.
     """
 
     state: WorkerState
