@@ -14,6 +14,7 @@ from agent_runtime.core.turn import Turn
 from companion.binding import Transition, bind
 from companion.design import AgentName
 from companion.languages.cmd import TaskState
+from companion.languages.facts import Facts, Kind, fact
 from fipa_codec.performatives import Performative as P
 from services.coordinator import words
 from services.coordinator.incoming import RULE, leave, not_answering, requeued, suspend, take
@@ -40,16 +41,16 @@ def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
             job = replace(job, stage=Stage.EARLY)
             turn.wake(job.conversation, job.command.start)
         memory = requeued(replace(memory, jobs=(*memory.jobs, job)), turn, limits)
-        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, place(memory.jobs, job, turn.now)))
+        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, (place(memory.jobs, job, turn.now),)))
     return replace(memory, arrived=())
 
 
-def _why_not(memory: Memory, turn: Turn, limits: Limits) -> str:
+def _why_not(memory: Memory, turn: Turn, limits: Limits) -> Facts:
     if memory.loose:
-        return f"busy: {not_answering(memory, turn)}"
+        return not_answering(memory, turn)
     if len(memory.jobs) >= limits.waiting:
-        return f"busy: {len(memory.jobs)} tasks are open already; wait for one, or cancel one"
-    return ""
+        return (fact(Kind.TASKS_OPEN, len(memory.jobs)),)
+    return ()
 
 
 def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
@@ -73,13 +74,13 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
 
 def _planned(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     """Request the plan of the task whose turn it is."""
-    chosen = _chosen(memory, turn, job, limits) if not job.begun else ""
+    chosen = _chosen(memory, turn, job, limits) if not job.begun else ()
     job = replace(job, plans=job.plans + 1, aside=False)
     talk = _asked(turn, job, limits)
-    if job.looks < 2 or job.at != words.LOOKS:
-        why = job.at or chosen
-        words.progress(turn, job, TaskState.PLANNING, f"plan {job.plans}" + (f": {why}" if why else ""))
-    return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at="", weighed=False))
+    if job.looks < 2 or job.why != words.LOOKS:
+        why = fact(Kind.PLAN, job.plans, *(job.why or chosen))
+        words.progress(turn, job, TaskState.PLANNING, (why,))
+    return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at="", why=(), weighed=False))
 
 
 def _asked(turn: Turn, job: Job, limits: Limits) -> str:
@@ -88,18 +89,18 @@ def _asked(turn: Turn, job: Job, limits: Limits) -> str:
     return turn.open(AgentName.PL, "request", P.REQUEST, network, reply_by_s=patience_s, parent=job.conversation)
 
 
-def _chosen(memory: Memory, turn: Turn, job: Job, limits: Limits) -> str:
-    """Return why this task is the next one, where it passes one that came before it; "" else. Logged with the rule."""
+def _chosen(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Facts:
+    """Return why this task is the next one, where it passes one that came before it; () else. Logged with the rule."""
     waiting = [one for one in memory.jobs if one.waits]
     if job.arrived <= min(one.arrived for one in waiting):
-        return ""
+        return ()
     rule = comparing(RULES[turn.parameter(RULE, str)], waiting)
     decision = rule(None, tuple(offer(one, memory.jobs, limits.speed) for one in waiting), turn.now)
     if decision is None or decision.task != job.conversation:
-        return ""
+        return ()
     name = next(name for name, one in RULES.items() if one is rule)
-    turn.log("next", conversation=job.conversation, rule=name, why=decision.why, of=len(waiting))
-    return decision.why
+    turn.log("next", conversation=job.conversation, rule=name, why=decision.why.kind, of=len(waiting))
+    return (decision.why,)
 
 
 def schedule(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
@@ -111,9 +112,10 @@ def schedule(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     memory = decided(memory, turn.now, RULES[turn.parameter(RULE, str)], limits.speed)
     decision = memory.decision
     if decision is not None:
-        turn.log("decision", **msgspec.structs.asdict(decision))
+        turn.log("decision", **{**msgspec.structs.asdict(decision), "why": decision.why.kind})
         if not decision.switch and (rival := memory.of_hi(decision.rival)) is not None:
-            words.progress(turn, rival, TaskState.WAITING, f"{words.called(running)} goes on: {decision.why}")
+            why = words.about(Kind.GOES_ON, running, decision.why)
+            words.progress(turn, rival, TaskState.WAITING, (why,))
     ready = running.stage is Stage.PLANNED or (decision is not None and decision.switch)
     return replace(memory, choice=Choice.SWITCH if ready else Choice.CONTINUE)
 
@@ -133,8 +135,8 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
         return memory
     patience_s = limits.acting_s(plan)
     talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=patience_s, parent=job.conversation)
-    text = f"plan {job.plans} takes about {plan.duration:.0f} s"
-    words.progress(turn, job, TaskState.RUNNING, text, words.steps(plan))
+    takes = (fact(Kind.PLAN_TAKES, job.plans, plan.duration),)
+    words.progress(turn, job, TaskState.RUNNING, takes, words.steps(plan))
     job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False, patience_s=patience_s, asks=False)
     if job.cancelling or job.suspending:
         leave(turn, job, limits)

@@ -15,7 +15,10 @@ from companion.autonomy import WAIT_S
 from companion.design import AgentName
 from companion.languages import hfsm, sw
 from companion.languages.cmd import TaskState
+from companion.languages.facts import Facts, Kind, fact
 from companion.languages.sw import WorkerState
+from companion.sentences import operator
+from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
 from services.coordinator import words
 from services.coordinator.memory import Job, Limits, Memory, Stage
@@ -25,7 +28,6 @@ from services.coordinator.scheduling import RULES
 PATIENCE = "patience"
 RULE = "rule"
 """Parameter of the design: the rule of scheduling.py by which the next task is chosen."""
-WHO = {AgentName.PL: "the planner", AgentName.TA: "the robot"}
 _LEFT = (WorkerState.PREEMPTED, WorkerState.REPLAN)
 """Final states of a plan that ta was asked to leave: it left it, or it wanted a new one when the word came."""
 
@@ -37,8 +39,8 @@ def take(memory: Memory, turn: Turn, limits: Limits) -> Memory:
             memory = _FROM[received.communicate.sender](memory, turn, received, limits)
         case Late(conversation=name) if (job := memory.of_talk(name)) is not None:
             memory = _on_late(memory, turn, job, limits)
-        case Broken(conversation=name, reason=why):
-            memory = _on_broken(memory, turn, name, why, limits)
+        case Broken(conversation=name):
+            memory = _on_broken(memory, turn, name, limits)
         case Woken(name=name) if name == PATIENCE:
             memory = _out_of_patience(memory, turn)
         case Woken(name=name) if (job := memory.of_hi(name)) is not None and job.stage is Stage.EARLY:
@@ -84,7 +86,7 @@ def cancel(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
         return memory.with_job(replace(job, cancelling=True))
     if not job.talk:
         turn.unwake(job.conversation)
-        words.cancelled(turn, job, "it was put aside" if job.suspended else "it had not begun")
+        words.cancelled(turn, job, (fact(Kind.PUT_ASIDE if job.suspended else Kind.NOT_BEGUN_YET),))
         return memory.without_job(job)
     if not (job.cancelling or job.suspending or job.recalled):
         if job.stage is Stage.RUNNING:
@@ -102,7 +104,7 @@ def suspend(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
         return _suspended(memory, turn, job, limits)
     if job.stage is Stage.RUNNING:
         leave(turn, job, limits)
-    words.progress(turn, job, TaskState.RUNNING, f"left for {_rival(memory)}; what is held is put down first")
+    words.progress(turn, job, TaskState.RUNNING, _rival(memory))
     return memory.with_job(replace(job, suspending=True))
 
 
@@ -111,11 +113,11 @@ def leave(turn: Turn, job: Job, limits: Limits) -> None:
     turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_acting_s / limits.speed)
 
 
-def _rival(memory: Memory) -> str:
-    """The task for which another one is left, and why."""
+def _rival(memory: Memory) -> Facts:
+    """The task for which another one is left, and why; () where it is gone."""
     decision = memory.decision
     rival = memory.of_hi(decision.task) if decision is not None else None
-    return "another task" if rival is None or decision is None else f"{words.called(rival)}: {decision.why}"
+    return () if rival is None or decision is None else (words.about(Kind.LEFT_FOR, rival, decision.why),)
 
 
 # --- pl ---------------------------------------------------------------------------------------------------------------
@@ -127,7 +129,7 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         return memory
     planned = isinstance(received.content, hfsm.HierarchicalPlan)
     if job.cancelling and not (job.left_with_plan and planned):
-        return memory if turn.holds(job.talk) else _cancelled(memory, turn, job, "while the plan was made")
+        return memory if turn.holds(job.talk) else _cancelled(memory, turn, job, (fact(Kind.WHILE_PLANNED),))
     if job.stage is Stage.WAITING:
         return memory if turn.holds(job.talk) else _informed(memory, turn, job, received.content, limits)
     if isinstance(received.content, hfsm.HierarchicalPlan):
@@ -136,8 +138,7 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         return memory.with_job(replace(_with_schedule(job, plan), stage=Stage.PLANNED, plan=plan, meant=meant))
     if isinstance(received.content, hfsm.NoPlan) and received.content.later and job.looks < limits.looks:
         return _not_yet(memory, job)
-    why = words.reason(received.content) or f"the planner said {received.communicate.performative} and no reason"
-    return _failed(memory, turn, job, why)
+    return _failed(memory, turn, job, _why(turn, received))
 
 
 def _with_schedule(job: Job, plan: hfsm.HierarchicalPlan) -> Job:
@@ -154,7 +155,7 @@ def _informed(memory: Memory, turn: Turn, job: Job, content: object, limits: Lim
 
 def _not_yet(memory: Memory, job: Job) -> Memory:
     """Request the same plan again later, since the robot still looks around."""
-    job = replace(job, stage=Stage.WAITING, talk="", plans=job.plans - 1, looks=job.looks + 1, at=words.LOOKS)
+    job = replace(job, stage=Stage.WAITING, talk="", plans=job.plans - 1, looks=job.looks + 1, why=words.LOOKS)
     return memory.with_job(job)
 
 
@@ -172,16 +173,16 @@ def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     if isinstance(said, sw.Report) and said.state not in sw.FINAL:
         return _on_progress(memory, turn, job, said)
     if isinstance(said, sw.Report) and said.state is WorkerState.SUCCEEDED:
-        words.done(turn, job, said.reason or f"it took {turn.now - job.arrived:.0f} s", said.evidence)
+        words.done(turn, job, said.why or (fact(Kind.TOOK, round(turn.now - job.arrived)),), said.evidence)
         return memory.without_job(job)
     if job.cancelling:
-        return _cancelled(memory, turn, job, words.reason(said))
+        return _cancelled(memory, turn, job, said.why if isinstance(said, sw.Report) else ())
     if isinstance(said, sw.Report) and said.state in _LEFT and job.suspending:
         return _suspended(memory, turn, job, limits)
     if isinstance(said, sw.Report) and said.state is WorkerState.REPLAN:
         return _on_replan(memory, turn, job, said, limits)
     evidence = said.evidence if isinstance(said, sw.Report) else ()
-    words.failed(turn, job, words.reason(said) or _without_reason(received), evidence)
+    words.failed(turn, job, _why(turn, received), evidence)
     return memory.without_job(job)
 
 
@@ -191,31 +192,35 @@ def _more_time(job: Job | None, said: object) -> float | None:
     return WAIT_S + job.patience_s if waits and job is not None and job.leavable else None
 
 
-def _without_reason(received: Received) -> str:
-    said = received.content.state if isinstance(received.content, sw.Report) else received.communicate.performative
-    return f"the robot said {said} and no reason"
+def _why(turn: Turn, received: Received) -> Facts:
+    """Return the reason in a refusal, failure or report."""
+    sender = AgentName(received.communicate.sender)
+    match received.content:
+        case hfsm.NoPlan(why=why) | sw.Report(why=why) if why:
+            return why
+        case Reason(text=text):
+            turn.log("refused", level="warning", conversation=received.conversation, why=text)
+    understood = received.communicate.performative is not P.NOT_UNDERSTOOD
+    return (fact(Kind.NO_REASON if understood else Kind.NOT_UNDERSTOOD, sender),)
 
 
 def _on_progress(memory: Memory, turn: Turn, job: Job, said: sw.Report) -> Memory:
     if said.state is WorkerState.WAITING:
         words.asks(turn, job, said)
         return memory.with_job(replace(job, at=said.at, asks=True))
-    text = said.at or said.reason or said.state
-    if said.state is not WorkerState.RUNNING and said.at:
-        text = f"{said.state} at {said.at}" + (f": {said.reason}" if said.reason else "")
-    if text == job.at and not job.asks:
+    if (said.at, said.why) == (job.at, job.why) and not job.asks:
         return memory
-    words.progress(turn, job, TaskState.RUNNING, text)
-    return memory.with_job(replace(job, at=text, asks=False))
+    words.progress(turn, job, TaskState.RUNNING, said.why, at=said.at)
+    return memory.with_job(replace(job, at=said.at, why=said.why, asks=False))
 
 
 def _on_replan(memory: Memory, turn: Turn, job: Job, said: sw.Report, limits: Limits) -> Memory:
     """Have the task planned again with the new observations; give up after `replans` plans."""
-    why = said.reason or "the robot wants a new plan"
+    why = said.why or (fact(Kind.NEW_PLAN_WANTED),)
     if job.plans - job.suspended > limits.replans:
-        return _failed(memory, turn, job, f"given up after {job.plans} plans; the last one: {why}")
-    turn.log("replan", conversation=job.conversation, plans=job.plans, why=why)
-    return memory.changed().with_job(replace(job, stage=Stage.WAITING, talk="", at=why))
+        return _failed(memory, turn, job, (fact(Kind.GIVEN_UP, job.plans, *why),))
+    turn.log("replan", conversation=job.conversation, plans=job.plans, why=operator(why))
+    return memory.changed().with_job(replace(job, stage=Stage.WAITING, talk="", at="", why=why))
 
 
 def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
@@ -223,10 +228,12 @@ def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
     Its schedule parameters until then: the rest where it was left, and the time to be there again.
     """
-    words.progress(turn, job, TaskState.SUSPENDED, f"{_rival(memory)}; it comes first")
+    words.progress(turn, job, TaskState.SUSPENDED, _rival(memory))
     here = job.parameters
     left = () if here is None else (hfsm.ScheduleParameters("", here.rest + here.resume),)
-    job = replace(job, stage=Stage.WAITING, talk="", plan=None, at="", suspending=False, aside=True, schedule=left)
+    job = replace(
+        job, stage=Stage.WAITING, talk="", plan=None, at="", why=(), suspending=False, aside=True, schedule=left
+    )
     memory = memory.changed().with_job(replace(job, suspended=job.suspended + 1, asked=False, weighed=False))
     memory = requeued(memory, turn, limits)
     return replace(memory, jobs=first_in(memory.jobs, memory.decision))
@@ -235,13 +242,13 @@ def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 # --- ends -------------------------------------------------------------------------------------------------------------
 
 
-def _cancelled(memory: Memory, turn: Turn, job: Job, text: str) -> Memory:
-    words.cancelled(turn, job, text)
+def _cancelled(memory: Memory, turn: Turn, job: Job, why: Facts) -> Memory:
+    words.cancelled(turn, job, why)
     return memory.without_job(job)
 
 
-def _failed(memory: Memory, turn: Turn, job: Job, text: str) -> Memory:
-    words.failed(turn, job, text)
+def _failed(memory: Memory, turn: Turn, job: Job, why: Facts) -> Memory:
+    words.failed(turn, job, why)
     return memory.without_job(job)
 
 
@@ -250,28 +257,27 @@ def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
     A question about schedule parameters is called off first; the task ends only where that is not answered, either.
     """
-    who = WHO[AgentName(turn.conversation(job.talk).peer)]
+    who = AgentName(turn.conversation(job.talk).peer)
     turn.log("late", level="warning", conversation=job.talk, task=job.conversation)
     if job.stage is Stage.WAITING and not job.recalled:
         turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_planning_s)
         return memory.with_job(replace(job, recalled=True))
     if job.left_with_plan or not (job.cancelling or job.suspending or job.recalled):
         turn.say(job.talk, P.CANCEL)
-    words.failed(turn, job, f"{who} did not answer in time")
+    words.failed(turn, job, (fact(Kind.NOT_ANSWERED, who),))
     turn.wake(PATIENCE, turn.now + limits.patience_s)
     memory = memory.without_job(job)
     return replace(memory, loose=(*memory.loose, job.talk))
 
 
-def _on_broken(memory: Memory, turn: Turn, name: str, why: str, limits: Limits) -> Memory:
+def _on_broken(memory: Memory, turn: Turn, name: str, limits: Limits) -> Memory:
     """End the task of a broken conversation: the peer sent what could not be taken, or lost its memory."""
     if (job := memory.of_hi(name)) is not None:
         return cancel(memory, turn, job, limits)
     if (job := memory.of_talk(name)) is None:
         return memory
-    if job.cancelling:
-        return _cancelled(memory, turn, job, why)
-    return _failed(memory, turn, job, f"the conversation broke: {why}")
+    why = (fact(Kind.BROKE_OFF, AgentName.PL if job.stage is Stage.PLANNING else AgentName.TA),)
+    return (_cancelled if job.cancelling else _failed)(memory, turn, job, why)
 
 
 def _out_of_patience(memory: Memory, turn: Turn) -> Memory:
@@ -279,14 +285,14 @@ def _out_of_patience(memory: Memory, turn: Turn) -> Memory:
     if not memory.loose:
         return memory
     for job in [job for job in memory.jobs if job.stage is not Stage.RUNNING]:
-        memory = _failed(memory, turn, job, f"{not_answering(memory, turn)}; say it again when it is back")
+        memory = _failed(memory, turn, job, (fact(Kind.SAY_AGAIN_LATER, not_answering(memory, turn)),))
     return memory
 
 
-def not_answering(memory: Memory, turn: Turn) -> str:
-    """Return who is late, in words."""
-    late = [WHO[AgentName(turn.conversation(name).peer)] for name in memory.loose if turn.holds(name)]
-    return f"{' and '.join(dict.fromkeys(late)) or 'the robot'} is not answering"
+def not_answering(memory: Memory, turn: Turn) -> Facts:
+    """Return who is late."""
+    late = dict.fromkeys(turn.conversation(name).peer for name in memory.loose if turn.holds(name))
+    return tuple(fact(Kind.NOT_ANSWERING, peer) for peer in late or (AgentName.TA,))
 
 
 _FROM: dict[str, Callable[[Memory, Turn, Received, Limits], Memory]] = {

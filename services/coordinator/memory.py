@@ -10,6 +10,7 @@ from enum import StrEnum
 import msgspec
 
 from companion.languages import cmd, hfsm
+from companion.languages.facts import Facts
 from services.coordinator.scheduling import Decision
 
 
@@ -71,7 +72,8 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     schedule parameters only) or ta (RUNNING).
 
     `meant`: the task for pl since its first plan, where that plan settled which thing and hand the words mean.
-    `arrived`: unix time [s]; `plans`: number requested; `at`: the last state of the plan that hi was told.
+    `arrived`: unix time [s]; `plans`: number requested; `at`: the last state of the plan that hi was told, with `why`;
+    that is why the next plan is wanted, too.
     `patience_s`: how long ta may take for the plan that runs; `asks`: that plan waits for an operator.
     `looks`: how often the plan had to wait for a look around. `suspending`: ta was asked to leave it for another one;
     `suspended`: how often that was done, and `aside`: it waits for its turn since. `schedule`: parameters of its newest
@@ -89,6 +91,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     plan: hfsm.HierarchicalPlan | None = None
     meant: hfsm.Task | None = None
     at: str = ""
+    why: Facts = ()
     cancelling: bool = False
     suspending: bool = False
     suspended: int = 0

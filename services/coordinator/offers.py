@@ -5,7 +5,9 @@ from collections.abc import Iterable
 
 from msgspec.structs import replace
 
+from companion.languages.facts import Fact, Kind, fact
 from companion.languages.hfsm import PUT_DOWN_S
+from services.coordinator import words
 from services.coordinator.memory import Job, Memory, Stage, bound, comes_after
 from services.coordinator.scheduling import Decision, Offer, Rule, by_costs, by_deadline, in_order
 
@@ -31,26 +33,26 @@ def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: floa
     return (*begun, *(waiting[name] for name in order), *early)
 
 
-def place(jobs: tuple[Job, ...], job: Job, now: float) -> str:
-    """Return the place of a task in the queue, in words, and why each one before it comes first [now: unix s]."""
+def place(jobs: tuple[Job, ...], job: Job, now: float) -> Fact:
+    """Return the place of a task in the queue, and why each one before it comes first [now: unix s]."""
     early_s, before = job.command.start - now, jobs[: jobs.index(job)]
     if early_s > 0.0:
-        return f"it begins in {early_s:.0f} s" if early_s < 120.0 else f"it begins in {early_s / 60.0:.0f} min"
+        return fact(Kind.BEGINS_IN, early_s)
     if not before:
-        return "it is the next one"
-    count = "one task comes" if len(before) == 1 else f"{len(before)} tasks come"
-    return f"{count} before it: {', '.join(f'{one.conversation} ({_first_as(one, job)})' for one in before)}"
+        return fact(Kind.IS_NEXT)
+    why = (words.about(Kind.COMES_BEFORE, one, fact(_first_as(one, job))) for one in before)
+    return fact(Kind.TASKS_BEFORE, len(before), *why)
 
 
-def _first_as(one: Job, job: Job) -> str:
+def _first_as(one: Job, job: Job) -> Kind:
     """Return why a task comes before another one."""
     if one.begun:
-        return "under way"
+        return Kind.UNDER_WAY
     if one.command.urgency > job.command.urgency:
-        return f"more urgent, {one.command.urgency} above {job.command.urgency}"
+        return Kind.MORE_URGENT
     if one.command.deadline and one.command.deadline < (job.command.deadline or math.inf):
-        return "due earlier"
-    return "said before" if one.arrived <= job.arrived else "costs less first"
+        return Kind.DUE_EARLIER
+    return Kind.SAID_BEFORE if one.arrived <= job.arrived else Kind.COSTS_LESS
 
 
 def offer(job: Job, jobs: tuple[Job, ...], speed: float = 1.0) -> Offer:

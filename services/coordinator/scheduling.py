@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable
 
 import msgspec
 
+from companion.languages.facts import Fact, Kind, fact
+
 BELOW = 0.9
 """A switch must cost less than this part of waiting (TaskER's rule, which its published code ignores)."""
 LATE = 5.0
@@ -49,7 +51,7 @@ class Decision(msgspec.Struct, frozen=True, omit_defaults=True):
     """
 
     task: str
-    why: str
+    why: Fact
     switch: bool = False
     switch_cost: float = 0.0
     wait_cost: float = 0.0
@@ -67,16 +69,13 @@ def by_costs(running: Offer | None, waiting: tuple[Offer, ...], now: float) -> D
         return settled
     first = min(settled, key=lambda one: _cost_first(one, settled, now))
     if running is None:
-        return Decision(first.task, "it costs least to do it first" if len(settled) > 1 else "it is the only one")
+        return Decision(first.task, fact(Kind.COSTS_LEAST if len(settled) > 1 else Kind.ONLY_ONE))
     left = now + running.suspend + first.rest
     switch = first.cost(now, left) + running.cost(now, left + first.clear + running.resume + running.rest)
     wait = running.cost(now, now + running.rest) + first.cost(now, now + running.rest + first.rest)
     if switch < BELOW * wait:
-        return Decision(
-            first.task, f"to switch costs {switch:.0f}, to wait {wait:.0f}", True, switch, wait, running.task
-        )
-    text = f"to wait costs {wait:.0f}, to switch {switch:.0f}: not below {BELOW:g} of it"
-    return Decision(running.task, text, False, switch, wait, first.task)
+        return Decision(first.task, fact(Kind.SWITCH_COSTS, switch, wait), True, switch, wait, running.task)
+    return Decision(running.task, fact(Kind.WAIT_COSTS, wait, switch), False, switch, wait, first.task)
 
 
 def by_deadline(running: Offer | None, waiting: tuple[Offer, ...], now: float) -> Decision | None:
@@ -86,11 +85,11 @@ def by_deadline(running: Offer | None, waiting: tuple[Offer, ...], now: float) -
         return settled
     first = min(settled, key=lambda one: (one.deadline, one.arrived))
     if running is not None and running.deadline <= first.deadline:
-        return Decision(running.task, "nothing that waits has an earlier deadline", rival=first.task)
+        return Decision(running.task, fact(Kind.NO_EARLIER_DEADLINE), rival=first.task)
     if math.isinf(first.deadline):
-        return Decision(first.task, "it came first")
-    text, rival = f"its deadline is the earliest, in {first.deadline - now:.0f} s", running.task if running else ""
-    return Decision(first.task, text, running is not None, rival=rival)
+        return Decision(first.task, fact(Kind.CAME_FIRST))
+    why, rival = fact(Kind.EARLIEST_DEADLINE, first.deadline - now), running.task if running else ""
+    return Decision(first.task, why, running is not None, rival=rival)
 
 
 def first_come(running: Offer | None, waiting: tuple[Offer, ...], now: float) -> Decision | None:
@@ -99,8 +98,8 @@ def first_come(running: Offer | None, waiting: tuple[Offer, ...], now: float) ->
     if isinstance(settled, Decision) or settled is None:
         return settled
     if running is not None:
-        return Decision(running.task, "it runs already")
-    return Decision(min(settled, key=lambda one: one.arrived).task, "it came first")
+        return Decision(running.task, fact(Kind.RUNS_ALREADY))
+    return Decision(min(settled, key=lambda one: one.arrived).task, fact(Kind.CAME_FIRST))
 
 
 def in_order(offers: tuple[Offer, ...], now: float, rule: Rule) -> tuple[str, ...]:
@@ -118,18 +117,18 @@ RULES: dict[str, Rule] = {"costs": by_costs, "deadline": by_deadline, "first-com
 def _by_urgency(running: Offer | None, waiting: tuple[Offer, ...]) -> Decision | tuple[Offer, ...] | None:
     """Return the decision where urgency settles it, else those that wait and are as urgent as any; None for no task."""
     if not waiting:
-        return None if running is None else Decision(running.task, "nothing else waits")
+        return None if running is None else Decision(running.task, fact(Kind.NOTHING_ELSE_WAITS))
     most = max(one.urgency for one in waiting)
     known = {one.task for one in (*waiting, *((running,) if running else ())) if one.urgency >= most}
     urgent = tuple(one for one in waiting if one.urgency == most and known.isdisjoint(one.after))
     if not urgent:
-        return None if running is None else Decision(running.task, "all that waits comes after it")
+        return None if running is None else Decision(running.task, fact(Kind.THE_REST_FOLLOWS))
     if running is None or running.urgency == most:
         return urgent
     if running.urgency > most:
-        return Decision(running.task, "what waits is less urgent")
+        return Decision(running.task, fact(Kind.LESS_URGENT))
     first = min(urgent, key=lambda one: (one.deadline, one.arrived))
-    return Decision(first.task, "it is more urgent", True, rival=running.task)
+    return Decision(first.task, fact(Kind.MORE_URGENT), True, rival=running.task)
 
 
 def _cost_first(first: Offer, offers: Iterable[Offer], now: float) -> float:

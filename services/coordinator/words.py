@@ -1,24 +1,26 @@
-"""Messages of co: tasks for pl, reports for hi, the reasons that others give.
+"""Messages of co: tasks for pl, reports for hi.
 
 Reports stay within their size budget on C2 (500 bytes with the envelope). Must not know: which state co is in.
 """
 
-from typing import Any
+import msgspec
 
 from agent_runtime.core.turn import Turn
 from companion.design import AgentName
-from companion.languages import cmd, hfsm, sw
+from companion.languages import cmd, evidence, facts, hfsm, sw
 from companion.languages.cmd import TaskReport, TaskState
-from companion.languages.evidence import Evidence, fitting
-from fipa_codec.languages import Kind, Reason
+from companion.languages.evidence import Evidence
+from companion.languages.facts import Fact, Facts, Kind, fact
+from fipa_codec import languages
+from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative
 from services.coordinator.memory import Job
 
-LONGEST_TEXT = 280
-"""Bytes of the text of a report: a budget of 500, less at most 200 for the envelope, less the frame of the report."""
+MOST_BYTES = 280
+"""Of the facts of a report: a budget of 500, less at most 200 for the envelope, less the frame of the report."""
 LONGEST_STEPS = 200
-"""Bytes of the steps of a plan, which the shortest of texts goes with; estimate: a pour has 80."""
-LOOKS = "the robot looks around first"
+"""Bytes of the steps of a plan, which the shortest of reasons goes with; estimate: a pour has 80."""
+LOOKS = (fact(Kind.LOOKS_FIRST),)
 
 
 def network(job: Job) -> hfsm.GroundTaskNetwork:
@@ -58,16 +60,17 @@ def settled(command: cmd.Task, plan: hfsm.HierarchicalPlan) -> hfsm.Task | None:
     return None
 
 
-def report(state: TaskState, text: str, evidence: tuple[Evidence, ...] = ()) -> TaskReport:
-    """Return a report, its text cut to the budget, with as much of the evidence as there is room for."""
-    words = cut(text)
-    return TaskReport(state, words, evidence=fitting(evidence, LONGEST_TEXT - len(words.encode())))
+def report(state: TaskState, why: Facts, known: tuple[Evidence, ...] = ()) -> TaskReport:
+    """Return a report with as many of the reasons, then of the evidence, as there is room for."""
+    told = facts.fitting(facts.different(why), MOST_BYTES)
+    room = MOST_BYTES - len(msgspec.msgpack.encode(told))
+    return TaskReport(state, told, evidence=evidence.fitting(known, room))
 
 
-def called(job: Job) -> str:
-    """Return a task in words: its name, and what it is."""
+def about(kind: Kind, job: Job, *why: Fact) -> Fact:
+    """Return a fact about a task."""
     task = ground_task(job.command)
-    return f"{job.conversation} ({' '.join(word for word in (task.name.replace('_', ' '), *task.arguments) if word)})"
+    return fact(kind, task.name, *filter(None, task.arguments), *why)
 
 
 def steps(plan: hfsm.HierarchicalPlan) -> tuple[str, ...]:
@@ -78,28 +81,14 @@ def steps(plan: hfsm.HierarchicalPlan) -> tuple[str, ...]:
     return tuple(names)
 
 
-def cut(text: str, longest: int = LONGEST_TEXT) -> str:
-    """Return the text, cut to at most `longest` bytes of UTF-8."""
-    data = text.encode(errors="replace")
-    return text if len(data) <= longest else data[: longest - 3].decode(errors="ignore") + "…"
-
-
-def reason(content: Any) -> str:
-    """Return the reason in a refusal, failure or report; "" if there is none."""
-    match content:
-        case hfsm.NoPlan(reason=text) | Reason(text=text):
-            return text
-        case _:
-            return getattr(content, "reason", "") or getattr(content, "text", "")
-
-
 # --- to hi ------------------------------------------------------------------------------------------------------------
 
 
-def progress(turn: Turn, job: Job, state: TaskState, text: str, steps: tuple[str, ...] = ()) -> None:
+def progress(turn: Turn, job: Job, state: TaskState, why: Facts, steps: tuple[str, ...] = (), at: str = "") -> None:
     """Tell hi the progress of its task; not while hi is away, since a full outbox would stop co."""
     if AgentName.HI in turn.peers and turn.holds(job.conversation):
-        turn.say(job.conversation, Performative.INFORM, TaskReport(state, cut(text), steps))
+        told = TaskReport(state, facts.fitting(why, MOST_BYTES - len(at)), steps, at)
+        turn.say(job.conversation, Performative.INFORM, told)
 
 
 def asks(turn: Turn, job: Job, said: sw.Report) -> None:
@@ -108,24 +97,24 @@ def asks(turn: Turn, job: Job, said: sw.Report) -> None:
     Also while hi is away, since nothing goes on before somebody has read it: one message for each wait.
     """
     if turn.holds(job.conversation):
-        text = cut(said.reason, LONGEST_TEXT - LONGEST_STEPS)
-        turn.say(job.conversation, Performative.INFORM, TaskReport(TaskState.RUNNING, text, asks=said.at))
+        told = TaskReport(TaskState.RUNNING, at=said.at, side=said.side, asks=True)
+        turn.say(job.conversation, Performative.INFORM, told)
 
 
-def done(turn: Turn, job: Job, text: str, evidence: tuple[Evidence, ...]) -> None:
+def done(turn: Turn, job: Job, why: Facts, known: tuple[Evidence, ...]) -> None:
     """Tell hi that the task is done, and how that is known; a cancel that crossed it came too late."""
-    _last(turn, job, Performative.INFORM, report(TaskState.DONE, text, evidence))
+    _last(turn, job, Performative.INFORM, report(TaskState.DONE, why, known))
 
 
-def failed(turn: Turn, job: Job, text: str, evidence: tuple[Evidence, ...] = ()) -> None:
+def failed(turn: Turn, job: Job, why: Facts, known: tuple[Evidence, ...] = ()) -> None:
     """Tell hi that the task failed, and why; then answer a cancel that crossed it."""
-    _last(turn, job, Performative.FAILURE, report(TaskState.FAILED, text, evidence))
+    _last(turn, job, Performative.FAILURE, report(TaskState.FAILED, why, known))
 
 
-def cancelled(turn: Turn, job: Job, text: str) -> None:
+def cancelled(turn: Turn, job: Job, why: Facts) -> None:
     """Answer the cancel; this ends the task."""
     if turn.holds(job.conversation):
-        turn.say(job.conversation, Performative.INFORM, report(TaskState.CANCELLED, text), kind=Kind.CANCEL)
+        turn.say(job.conversation, Performative.INFORM, report(TaskState.CANCELLED, why), kind=languages.Kind.CANCEL)
 
 
 def _last(turn: Turn, job: Job, performative: Performative, said: TaskReport) -> None:
@@ -134,4 +123,4 @@ def _last(turn: Turn, job: Job, performative: Performative, said: TaskReport) ->
     turn.say(job.conversation, performative, said)
     if job.cancelling:
         too_late = Reason(f"the task was {said.state} before it could be cancelled")
-        turn.say(job.conversation, Performative.FAILURE, too_late, kind=Kind.CANCEL)
+        turn.say(job.conversation, Performative.FAILURE, too_late, kind=languages.Kind.CANCEL)
