@@ -28,6 +28,7 @@ from round_trip import WM
 from stages import stage_times
 
 from companion.languages import wm
+from companion.languages.facts import Kind, fact
 from fipa_codec.communicate import _LETTERS, LABEL, WORD, Communicate, decode, encode
 from fipa_codec.conversation import Conversation
 from fipa_codec.performatives import Performative
@@ -101,8 +102,9 @@ def many(size: int) -> list[Communicate]:
             id=f"km-1-{number}",
             sent=1.76e9 + number,
         )
-        text = "x" * max(0, size - len(encode(usual)) - 40)
-        made.append(msgspec.structs.replace(usual, content=WM.encode(wm.Unknown(text))))
+        room = max(0, size - len(encode(usual)) - 70)
+        filler = fact(Kind.SEEN, *["x" * 62] * (room // 64), "x" * (room % 64))
+        made.append(msgspec.structs.replace(usual, content=WM.encode(wm.Unknown((filler,)))))
     return made if size < 10_000 else made[:8]
 
 

@@ -20,6 +20,8 @@ import typer
 from pour_one_process import Run
 
 from companion.languages import hfsm
+from companion.languages.facts import Facts
+from companion.sentences import operator
 from services.executor.loop.program import Motion, Phase
 from services.executor.simulation import InProcess
 from services.executor.skills.skill import Asked, Sensed
@@ -78,27 +80,27 @@ class Cancelled(Run):
         self.child, self.where, self.began = True, where, time.perf_counter()
         return True
 
-    def follow(self, plan: hfsm.HierarchicalPlan) -> tuple[hfsm.Outcome, str]:
+    def follow(self, plan: hfsm.HierarchicalPlan) -> tuple[hfsm.Outcome, Facts]:
         """Run a plan to its end, in a child only to its cancelled act."""
         self.plan, self.at = plan, plans.first(plan.root)
         while True:
-            outcome, reason = self.leaf(plans.leaf(plan.root, self.at))
+            outcome, why = self.leaf(plans.leaf(plan.root, self.at))
             if self.child:
                 self.secure()
             following = plans.after(plan.root, self.at, outcome)
             if isinstance(following, hfsm.Outcome):
                 self.plan = None
-                return following, reason
+                return following, why
             self.at = following
 
     def secure(self) -> None:
         """Stand in for ta's work after the cancelled act; the child ends here."""
         line = {"where": self.where, "act": self.acts[-1][2], "held": sorted(h.object for h in self.here.held.values())}
         safe = plans.safe(self.plan.root, self.at)
-        first, ended = len(self.acts), ""
+        first, outcome, ended = len(self.acts), None, ""
         if safe is not None and self.here.held:
-            outcome, reason = super().follow(hfsm.HierarchicalPlan("safe", "safe", safe, 0.0, 0))
-            ended = f"{outcome} {reason}".strip()
+            outcome, why = super().follow(hfsm.HierarchicalPlan("safe", "safe", safe, 0.0, 0))
+            ended = f"{outcome} {operator(why)}".strip()
         truth = self.truth.read()
         line |= {
             "secured": ended, "safe_acts": self.acts[first:],
@@ -108,10 +110,10 @@ class Cancelled(Run):
         }  # fmt: skip
         upright = all(v < UPRIGHT_DEG for v in truth.tilt_deg.values())
         empty = not line["still"] and not any(n for on in truth.fingers_on.values() for n in on.values())
-        line["good"] = upright and empty and (not ended or ended.startswith("succeeded"))
+        line["good"] = upright and empty and outcome in (None, hfsm.Outcome.SUCCEEDED)
         if self.again and self.children % self.again == 0:
             self.child, self.plan, self.body.interrupt = False, None, lambda motion, elapsed: False
-            line["again"] = self.pour() or "poured"
+            line["again"] = operator(self.pour()) or "poured"
             self.child = True
         line["wall_s"] = round(time.perf_counter() - self.began, 1)
         typer.echo(f"{'good' if line['good'] else 'BAD '} {msgspec.json.encode(line).decode()}")
@@ -127,7 +129,7 @@ def main(
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("cancel_anywhere.jsonl"),
 ) -> None:
     """Cancel a run everywhere."""
-    failure = Cancelled(seed, every, only, out, again).pour()
+    failure = operator(Cancelled(seed, every, only, out, again).pour())
     typer.echo(f"the uncancelled run: {failure or 'poured'}")
 
 

@@ -34,6 +34,8 @@ from pour_one_process import Run
 
 from companion.languages import hfsm, rc
 from companion.languages.cmd import BACK
+from companion.languages.facts import Fact, Facts, Kind
+from companion.sentences import operator
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import KNOT_S, Motion
 from services.executor.sight import Eye
@@ -480,8 +482,8 @@ def angle(run: Disturbed, name: str) -> float:
     return float(run.backend.data.qpos[run.backend.model.joint(name).qposadr[0]])
 
 
-def judged(said: str, good: bool, dropped: bool) -> str:
-    """Return the verdict on what the robot said. `good`: the task is truly done; `dropped`: see `drop` above."""
+def judged(said: str, why: Facts, good: bool, dropped: bool) -> str:
+    """Return the verdict on what the robot said, and why. `good`: the task is truly done; `dropped`: as `drop` above."""
     if said.startswith("crash"):
         return "crash"
     if said == OVER:
@@ -492,12 +494,19 @@ def judged(said: str, good: bool, dropped: bool) -> str:
         return "right done" if good else "FALSE done"
     if not good:
         return "right failed"
-    return "unsure" if any(words in said for words in UNSURE) else "false failed"
+    return "unsure" if any(one.kind in UNSURE for one in everything(why)) else "false failed"
+
+
+def everything(facts: Facts) -> Iterator[Fact]:
+    """Yield facts with their reasons."""
+    for one in facts:
+        yield one
+        yield from everything(one.because)
 
 
 OVER = "simulated time is over"
-UNSURE = ("nobody saw", "no sense", "can check it")
-"""Of sentences that say that it is not known whether the task is done."""
+UNSURE = (Kind.NOT_SEEN_IN, Kind.NOT_CHECKED, Kind.UNCHECKABLE)
+"""Facts that say that it is not known whether the task is done."""
 VERDICTS = ("right done", "right failed", "unsure", "false failed", "FALSE done", "drop", "hang", "crash")
 
 
@@ -508,15 +517,17 @@ def measured(scene: str, act: str, case: Case, seed: int, folder: Path, verbose:
     spare = (SPARE[BOX], SPARE[JAR_2]) if case.name == "a second jar" else (SPARE[BOX],)
     world = vary(load(CANONICAL.with_stem(scene)), seed)
     run = Disturbed(msgspec.structs.replace(world, things=(*world.things, *spare)), seed, case, act, file, verbose)
-    first, held, prepared = run.truth.read(), "", ""
+    first, held = run.truth.read(), ""
+    why: Facts = ()
     try:
         run.act(SURVEY)
         before, task = TASKS[act]
         for one in before:
-            prepared = prepared or run.carry_out(one)
+            why = why or run.carry_out(one)
         held = hand_of(run.truth.read(), JAR)
-        run.armed = not prepared
-        said = prepared or run.carry_out(task) or "done"
+        run.armed = not why
+        why = why or run.carry_out(task)
+        said = operator(why) or "done"
     except OverError:
         said = OVER
     except Exception as error:
@@ -528,7 +539,7 @@ def measured(scene: str, act: str, case: Case, seed: int, folder: Path, verbose:
     good = goal(run, act, first, held)
     return {
         "scene": scene, "act": act, "case": case.name, "seed": seed, "happened": run.happened, "said": said,
-        "verdict": judged(said, good, case.sense and bool(fallen)), "good": good, "fallen": fallen,
+        "verdict": judged(said, why, good, case.sense and bool(fallen)), "good": good, "fallen": fallen,
         "at": {name: [round(x, 3) for x in truth.at[name]] for name in (JAR, BOWL)},
         "tilt_deg": {name: round(truth.tilt_deg[name], 1) for name in (JAR, BOWL)}, "grains": truth.grains,
         "grains_in": truth.grains_in, "held_by": {name: hand_of(truth, name) for name in (JAR, BOWL)},

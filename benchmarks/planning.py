@@ -13,6 +13,7 @@ import typer
 
 from companion.languages import hfsm, wm
 from companion.languages.values import BodyPosture, Pose, Side
+from companion.sentences import operator
 from services.executor import simulation
 from services.executor.skills.motions import aim
 from services.knowledge.answers import ask
@@ -81,7 +82,7 @@ class Planning:
         plan = search(network, self.ask, self.seed)
         cost = [time.perf_counter() - wall, time.process_time() - processor, self.asking]
         if isinstance(plan, hfsm.NoPlan):
-            return [*cost, np.nan, np.nan], plan.reason
+            return [*cost, np.nan, np.nan], operator(plan.why)
         return [*cost, plan.queries, plan.duration], ""
 
 

@@ -24,6 +24,8 @@ from msgspec.structs import asdict, replace
 
 from companion.eyes import Eyes
 from companion.languages import hfsm, rc, wm
+from companion.languages.facts import Facts, Kind, fact
+from companion.sentences import operator
 from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess, markers, receptor, things
 from services.executor.skills.performing import perform
@@ -75,7 +77,7 @@ class Run:
         outcome = self.body.perform(perform(self.here, command))
         self.observe(outcome)
         name = f"{type(command).__name__} {command.key}"
-        ended = "done" if isinstance(outcome, rc.Done) else f"{outcome.kind}: {outcome.reason}"
+        ended = "done" if isinstance(outcome, rc.Done) else f"{outcome.kind}: {operator(outcome.why)}"
         self.acts.append((name, round(outcome.sim_time, 2), ended))
         if self.verbose:
             wall = time.perf_counter() - began
@@ -104,58 +106,59 @@ class Run:
         if isinstance(plan, hfsm.HierarchicalPlan):
             self.plans.append({"wall_s": round(wall, 2), "queries": plan.queries})
         if self.verbose:
-            typer.echo(f"plan {number}: {wall:.2f} s {plan.reason if isinstance(plan, hfsm.NoPlan) else plan.queries}")
+            found = operator(plan.why) if isinstance(plan, hfsm.NoPlan) else plan.queries
+            typer.echo(f"plan {number}: {wall:.2f} s {found}")
         return plan
 
-    def follow(self, plan: hfsm.HierarchicalPlan) -> tuple[hfsm.Outcome, str]:
+    def follow(self, plan: hfsm.HierarchicalPlan) -> tuple[hfsm.Outcome, Facts]:
         """Run a plan to its end."""
         at: plans.Position | hfsm.Outcome = plans.first(plan.root)
-        reason = ""
+        why: Facts = ()
         while not isinstance(at, hfsm.Outcome):
-            outcome, reason = self.leaf(plans.leaf(plan.root, at))
+            outcome, why = self.leaf(plans.leaf(plan.root, at))
             at = plans.after(plan.root, at, outcome)
-        return at, reason
+        return at, why
 
-    def leaf(self, leaf: plans.Leaf) -> tuple[hfsm.Outcome, str]:
+    def leaf(self, leaf: plans.Leaf) -> tuple[hfsm.Outcome, Facts]:
         """One leaf of a plan."""
         if isinstance(leaf, hfsm.EndState):
-            return leaf.outcome, leaf.reason
+            return leaf.outcome, leaf.why
         if isinstance(leaf, hfsm.AskState):
             truth = self.ask(leaf.query)
             holds = isinstance(truth, wm.Truth) and truth.value is leaf.expect
-            why = truth.reason if isinstance(truth, wm.Unknown) else f"{leaf.name} no"
-            return (hfsm.Outcome.SUCCEEDED, "") if holds else (leaf.otherwise, why)
+            why = truth.why if isinstance(truth, wm.Unknown) else (fact(Kind.NEW_PLAN_WANTED),)
+            return (hfsm.Outcome.SUCCEEDED, ()) if holds else (leaf.otherwise, why)
         done = self.act(leaf.command)
         if isinstance(done, rc.Done):
             if done.arrived is False:
-                return hfsm.Outcome.FAILED, "much of the content is not there"
+                return hfsm.Outcome.FAILED, (fact(Kind.REST_NOT_THERE, getattr(leaf.command, "destination", "")),)
             if done.missing:
                 self.act(SURVEY)
-                return hfsm.Outcome.REPLAN, f"missing: {', '.join(done.missing)}"
+                return hfsm.Outcome.REPLAN, tuple(fact(Kind.NOT_WHERE_IT_WAS, name) for name in done.missing)
             if isinstance(leaf.command, rc.Pour) and not done.arrived:
-                return hfsm.Outcome.FAILED, "nobody saw whether the content is there"
-            return hfsm.Outcome.SUCCEEDED, ""
+                return hfsm.Outcome.FAILED, (fact(Kind.NOT_SEEN_IN, leaf.command.destination),)
+            return hfsm.Outcome.SUCCEEDED, ()
         if done.kind in LOOK_FIRST:
             self.act(SURVEY)
-        return OF_KIND.get(done.kind, hfsm.Outcome.FAILED), done.reason
+        return OF_KIND.get(done.kind, hfsm.Outcome.FAILED), done.why
 
-    def pour(self) -> str:
+    def pour(self) -> Facts:
         """The task; returns why it failed, or nothing."""
         self.act(SURVEY)
         return self.carry_out(POUR)
 
-    def carry_out(self, task: hfsm.Task) -> str:
+    def carry_out(self, task: hfsm.Task) -> Facts:
         """Do a task; return why it failed, or nothing."""
-        reason = ""
+        why: Facts = ()
         for _ in range(MOST_PLANS):
             self.planned += 1
             plan = self.solve(self.planned, task)
             if isinstance(plan, hfsm.NoPlan):
-                return plan.reason
-            outcome, reason = self.follow(plan)
+                return plan.why
+            outcome, why = self.follow(plan)
             if outcome is not hfsm.Outcome.REPLAN:
-                return "" if outcome is hfsm.Outcome.SUCCEEDED else reason
-        return f"given up after {MOST_PLANS} plans; the last one: {reason}"
+                return () if outcome is hfsm.Outcome.SUCCEEDED else why
+        return (fact(Kind.GIVEN_UP, MOST_PLANS, *why),)
 
 
 def noisy(scene: Scene, noise: str) -> Scene:
@@ -178,7 +181,7 @@ def measured(
     began = time.perf_counter()
     run = Run(noisy(vary(load(CANONICAL.with_stem(name)), seed), noise), seed, verbose, eyes)
     try:
-        failure = run.pour()
+        failure = operator(run.pour())
     finally:
         run.body.eye.close()
     truth = run.truth.read()

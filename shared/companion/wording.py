@@ -1,13 +1,14 @@
-"""Ids, names and contents in words for people: on a terminal, in a report. No agent decides by them."""
+"""Ids, names and contents in the operator's words: on a terminal, in a report. No agent decides by them."""
 
 import math
 import re
 
 from companion.languages import cmd, sw
-from companion.languages.evidence import Claim, Evidence
+from companion.languages.evidence import Evidence
+from companion.sentences import claimed, operator
+from fipa_codec.languages import Reason
 
-TEXT_LENGTH = 80
-_TELLING = ("name", "object", "relation", "subject", "source", "destination", "side", "state", "at", "reason", "text")
+_TELLING = ("name", "object", "relation", "subject", "source", "destination", "side", "state", "at")
 _ID = re.compile(r"\b([a-z]+)_(\d+)\b")
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
@@ -22,30 +23,23 @@ def spaced(name: str) -> str:
     return _HUMP.sub(" ", name).lower()
 
 
-def words(content: object) -> str:
-    """A content in a few words: what it is and what it is about; a report is its own words."""
-    if content is None:
+def about(content: object) -> str:
+    """A content in a few words: what it is and what it is about; of a report only the latter."""
+    if content is None or isinstance(content, Reason):
         return ""
-    about = [one for one in (getattr(content, name, "") for name in _TELLING) if one and isinstance(one, str)]
+    told = [one for one in (getattr(content, name, "") for name in _TELLING) if one and isinstance(one, str)]
     kind = () if isinstance(content, cmd.TaskReport | sw.Report) else (spaced(type(content).__name__),)
-    text = plain(" ".join((*kind, *about)))
-    return text if len(text) <= TEXT_LENGTH else text[: TEXT_LENGTH - 1] + "…"
+    return plain(" ".join((*kind, *told)))
 
 
-CLAIMS = {
-    Claim.THERE: "the arm is where it should be",
-    Claim.HELD: "{} is in the hand",
-    Claim.STANDS: "{} stands where it was put",
-    Claim.OPEN: "{} is open",
-    Claim.LOOKED: "something was seen",
-    Claim.LEFT: "content left {}",
-    Claim.ARRIVED: "content is in {}",
-}
+def why(content: object) -> str:
+    """The reason that a content gives; "" for none."""
+    return content.text if isinstance(content, Reason) else operator(getattr(content, "why", ()))
 
 
 def evidence(one: Evidence) -> str:
     """What is true, and which senses told; or that it was not checked."""
-    words = CLAIMS[one.claim].format(one.of)
+    words = claimed(one.claim, one.of)
     if not one.by:
         return f"not checked: whether {words}"
     near = f", to {math.ceil(one.within * 1000)} mm" if one.within else ""

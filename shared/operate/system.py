@@ -23,10 +23,10 @@ from typing import Any, NamedTuple
 import msgspec
 
 from fipa_codec.languages import Languages
+from operate import wording
 from operate.run_folder import FLEET_FILE, Fleet
 from operate.supervisor.processes import Process
 from operate.trust import TRUST_VARIABLE, changeable
-from operate.wording import words
 from topdown.model import design as designs
 from topdown.model.errors import TopdownError
 
@@ -113,18 +113,20 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
 class System(msgspec.Struct, frozen=True, kw_only=True):
     """A system: its design, its languages, the processes that make it up, and what it adds to the tools.
 
-    `name`: prefix of its keys where none is given. `words`: a content of one of its languages in a few words. `plain`:
-    a text with its ids as people say them. `says`: process that is not an agent -> state -> what it does, in words; of
-    an agent the design has them. `unreplaced`: agent -> why `roco replay --replace` cannot run it alone. `variables`:
-    what its processes get in their environment, `{run}` standing for the run folder. `job`: its usual task.
-    `entry`: where this object is, `project`: the folder that Python imports it from, "" where it is installed.
+    `name`: prefix of its keys where none is given. `about`: a content of one of its languages in a few words, `why`:
+    the reason that it gives. `plain`: a text with its ids as people say them. `says`: process that is not an agent ->
+    state -> what it does, in words; of an agent the design has them. `unreplaced`: agent -> why `roco replay --replace`
+    cannot run it alone. `variables`: what its processes get in their environment, `{run}` standing for the run folder.
+    `job`: its usual task. `entry`: where this object is, `project`: the folder that Python imports it from, "" where it
+    is installed.
     """
 
     name: str
     design: designs.Design
     languages: Languages | None
     processes: tuple[Process, ...] = ()
-    words: Callable[[object], str] = words
+    about: Callable[[object], str] = wording.about
+    why: Callable[[object], str] = wording.why
     plain: Callable[[str], str] = str
     says: dict[str, dict[str, str]] = {}
     unreplaced: dict[str, str] = {}
@@ -133,6 +135,10 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     job: Job = Job()
     entry: str = ""
     project: str = ""
+
+    def words(self, content: object) -> str:
+        """Return a content in a few words, with the reason that it gives."""
+        return wording.short(wording.joined(self.about(content), self.why(content)))
 
     def addition(self, kind: str) -> Any:
         """Return the object named at this place of `additions`, imported; None where the system adds nothing there."""

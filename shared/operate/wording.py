@@ -5,6 +5,8 @@ import re
 import msgspec
 
 LENGTH = 80
+REASONS = ("reason", "why", "text")
+"""Fields of a content that hold words for people."""
 OBEYED = re.compile("(?!\r\n)[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u206f\ud800-\udfff]")
 """What terminals obey in place of showing it (C0 and C1 controls but tab, newline, and CSV's line end), what turns the
 direction of text around, line ends of Unicode, and halves of characters, which cannot be written.
@@ -12,14 +14,29 @@ direction of text around, line ends of Unicode, and halves of characters, which 
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
-def words(content: object) -> str:
-    """Return the class of a content, spaced, and its short values: `Offer ox 12.5`; "" for no content."""
+def about(content: object) -> str:
+    """Return the class of a content, spaced, and its short values but no reason: `offer ox 12.5`; "" for none."""
     if content is None:
         return ""
     fields = content.__struct_fields__ if isinstance(content, msgspec.Struct) else ()
-    values = [getattr(content, name) for name in fields]
+    values = [getattr(content, name) for name in fields if name not in REASONS]
     told = [f"{one:g}" if isinstance(one, float) else str(one) for one in values if isinstance(one, str | int | float)]
-    text = " ".join((_HUMP.sub(" ", type(content).__name__).lower(), *filter(None, told)))
+    return " ".join((_HUMP.sub(" ", type(content).__name__).lower(), *filter(None, told)))
+
+
+def why(content: object) -> str:
+    """Return the words for people in a content; "" for none."""
+    found = (getattr(content, name, "") for name in REASONS)
+    return next((one for one in found if one and isinstance(one, str)), "")
+
+
+def joined(about: str, why: str) -> str:
+    """Return what is said and why, where it says both."""
+    return ": ".join(filter(None, (about, why)))
+
+
+def short(text: str) -> str:
+    """Return a text of at most LENGTH letters."""
     return text if len(text) <= LENGTH else text[: LENGTH - 1] + "…"
 
 

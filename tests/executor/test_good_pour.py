@@ -49,7 +49,7 @@ def test_a_good_pour_raises_no_alarm() -> None:
     run = Kept(vary(load(), 4), 4)
     try:
         run.body = watched = Watched(run.body)
-        assert run.pour() == ""
+        assert run.pour() == ()
     finally:
         run.body.eye.close()
     assert len(watched.told) > 20

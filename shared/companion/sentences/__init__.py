@@ -10,6 +10,7 @@ from importlib import resources
 
 import msgspec
 
+from companion.languages.evidence import Claim
 from companion.languages.facts import Fact
 from companion.languages.values import Side
 
@@ -66,6 +67,11 @@ def operator(facts: Iterable[Fact]) -> str:
 def person(facts: Iterable[Fact], language: str) -> str:
     """Return facts as sentences for a person, in "en" or "pl"; "" for none."""
     return " ".join(dict.fromkeys(_sentences(facts, Reader(language))))
+
+
+def claimed(claim: Claim, of: str) -> str:
+    """Return a claim about a thing in the operator's words."""
+    return catalogue(Reader.OPERATOR).claim[claim].format(a=_thing(of, Reader.OPERATOR))
 
 
 def thing(name: str, reader: Reader, form: int = 0) -> str:

@@ -3,7 +3,7 @@
 from companion.design import DESIGN
 from companion.languages import LANGUAGES
 from companion.run_files import DISTURBANCES_FILE, SLOTS_FILE
-from companion.wording import plain, words
+from companion.wording import about, plain, why
 from operate.supervisor.processes import FIRST, Process, around
 from operate.system import Additions, Job, System
 
@@ -64,7 +64,8 @@ SYSTEM = System(
     design=DESIGN,
     languages=LANGUAGES,
     processes=PROCESSES,
-    words=words,
+    about=about,
+    why=why,
     plain=plain,
     says=SAYS,
     unreplaced={

@@ -26,8 +26,6 @@ from topdown.judge import follow
 
 LONGEST_S = 60.0
 """From a fault to the return of its agent; estimate: it is started again in seconds, at worst in a minute."""
-REASONS = ("reason", "why", "text")
-"""Fields of a content that hold words for people."""
 
 
 class Run(msgspec.Struct, frozen=True):
@@ -67,15 +65,9 @@ def _message(one: Spoken, system: System) -> Message:
         conversation=one.conversation,
         sent=one.sent,
         heard=one.received,
-        text=system.words(one.content),
-        reason=system.plain(reason(one.content)),
+        text=system.about(one.content),
+        reason=system.why(one.content),
     )
-
-
-def reason(content: Any) -> str:
-    """Return the words for people in a content; "" for none."""
-    found = (getattr(content, name, "") for name in REASONS)
-    return next((one for one in found if one and isinstance(one, str)), "")
 
 
 # --- conversations ----------------------------------------------------------------------------------------------------

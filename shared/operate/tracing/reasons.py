@@ -9,11 +9,10 @@ from collections.abc import Iterator
 import msgspec
 
 from operate.tracing.trace import BAD, SETTLED, Identity, Known, Message, Span, Trace
+from operate.wording import joined
 
 MOST = 12
 """Facts of a chain, newest ones; estimate: what people read."""
-HEAD = 20
-"""Characters by which a reason is found in words that may be cut."""
 CANCEL = "cancel"
 EVENTS = {
     "Local": "{agent} was told from outside the agents: by a person, a device or a process of its own",
@@ -66,10 +65,7 @@ def told(one: Message) -> Fact:
 
 def words(one: Message) -> str:
     """Return the content of a communicate in a few words, with the whole reason where it gives one."""
-    if not one.reason:
-        return one.text
-    at = one.text.find(one.reason[:HEAD])
-    return one.reason if at < 1 else f"{one.text[:at].rstrip()}: {one.reason}"
+    return joined(one.text, one.reason)
 
 
 def ending(trace: Trace, span: Span) -> Passage:

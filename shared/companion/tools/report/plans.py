@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import msgspec
 
 from companion.languages import cmd, hfsm, rc, sw
-from companion.wording import plain, spaced
+from companion.wording import plain, spaced, why
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
 from operate.recording.records import Spoken
@@ -223,6 +223,5 @@ def _act(history: History, asked: Spoken) -> Act:
 
 
 def reason(end: Spoken | None) -> str:
-    """The words of an answer that say why, in whichever language."""
-    content = None if end is None else end.content
-    return plain(str(getattr(content, "reason", "") or getattr(content, "text", "") or ""))
+    """Why an answer is as it is, in the operator's words."""
+    return "" if end is None else why(end.content)

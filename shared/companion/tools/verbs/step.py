@@ -68,14 +68,14 @@ def step(
 def let(fleet: Target, verb: Verb) -> TaskLine:
     """Give the word about what waits, or is under way; the task as it is a moment later. Raise NothingWaitsError."""
     line = _running(fleet)
-    at = line.asks or (line.text if verb is Verb.REPLAN else "")
+    at = line.asks or (line.at if verb is Verb.REPLAN else "")
     if not at:
         beat = operator.heartbeat(fleet, AgentName.TA)
         level = Level(str(beat.parameters.get(LEVEL, Level.AUTO.value)) if beat is not None else Level.AUTO)
         raise NothingWaitsError(f"no act waits for you now; autonomy is {level.value}: {ASKS[level]}")
     operator.order(fleet, AgentName.TA, SetParameter(STEP, str(Word(verb, at))))
     until, now = time.monotonic() + TAKEN_S, line
-    while now.text == line.text and now.state == line.state and time.monotonic() < until:
+    while (now.at, now.asks) == (line.at, line.asks) and now.state == line.state and time.monotonic() < until:
         time.sleep(PERIOD_S)
         now = next((one for one in Hi(address(fleet)).tasks() if one.task == line.task), now)
     return now

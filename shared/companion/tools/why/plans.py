@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from companion.languages import cmd, hfsm, rc, sw
+from companion.sentences import operator
 from companion.tools.report.plans import Act, Made, Ran, acts, made, ran
 from companion.wording import evidence, plain, spaced
 from fipa_codec.performatives import Performative
@@ -40,14 +41,14 @@ def _waiting(history: History, task: Span, runs: list[Ran]) -> Iterator[Fact]:
     for one in _reports(history, task):
         report = one.content
         if report.state is cmd.TaskState.WAITING:
-            yield Fact(one.sent, f"co took it: {plain(report.text)}", _record(one))
+            yield Fact(one.sent, f"co took it: {operator(report.why)}", _record(one))
         elif report.state is cmd.TaskState.RUNNING and (left := _left(history, one, runs)) is not None:
-            yield Fact(left.sent, f"co asked ta to leave the plan: {plain(report.text)}", _record(left))
+            yield Fact(left.sent, f"co asked ta to leave the plan: {operator(report.why)}", _record(left))
         elif report.state is cmd.TaskState.SUSPENDED:
-            yield Fact(one.sent, f"co put it aside: {plain(report.text)}", _record(one))
+            yield Fact(one.sent, f"co put it aside: {operator(report.why)}", _record(one))
             aside = True
         elif aside and report.state is cmd.TaskState.PLANNING:
-            yield Fact(one.sent, f"co took it up again: {plain(report.text)}", _record(one))
+            yield Fact(one.sent, f"co took it up again: {operator(report.why)}", _record(one))
             aside = False
 
 
@@ -78,9 +79,9 @@ def _planned(history: History, plan: Made) -> Iterator[Fact]:
     record, content = _record(answer), answer.content
     for one in content.rejected:
         what = plain(f"{one.method.replace('_', ' ')} ({', '.join(one.arguments)})")
-        yield Fact(answer.sent, f"pl rejected “{what}”: {plain(one.why) or 'it does not apply'}", record)
+        yield Fact(answer.sent, f"pl rejected “{what}”: {operator(one.why) or 'it does not apply'}", record)
     if isinstance(content, hfsm.NoPlan):
-        yield Fact(answer.sent, f"pl found no {name}: {plain(content.reason)}", record)
+        yield Fact(answer.sent, f"pl found no {name}: {operator(content.why)}", record)
         return
     steps = ", ".join(plain(state.name) for state in content.root.states)
     asks = f"with {content.queries} answers of km, to take {content.duration:.0f} s"
@@ -92,7 +93,7 @@ def _ends(machine: hfsm.Machine) -> Iterator[str]:
     """Yield why a plan is to end with another one, where it says so."""
     for state in machine.states:
         if isinstance(state, hfsm.EndState):
-            why = f": {plain(state.reason)}" if state.reason else ""
+            why = f": {operator(state.why)}" if state.why else ""
             yield f"the plan is to end with {state.outcome} at “{plain(state.name)}”{why}"
         elif isinstance(state, hfsm.Machine):
             yield from _ends(state)
@@ -110,9 +111,9 @@ def _went(history: History, plan: Ran) -> Iterator[Fact]:
     at = next(
         (one.content.at for one in reversed(reports) if isinstance(one.content, sw.Report) and one.content.at), ""
     )
-    reason = last.content.reason or (f"at “{at}”" if at else "")
+    reason = operator(last.content.why) or (f"at “{plain(at)}”" if at else "")
     after = f" after {done} act{'s' * (done != 1)}" if mine else ""
-    words = f"ta ended {name} with {last.content.state}{after}" + (f": {plain(reason)}" if reason else "")
+    words = f"ta ended {name} with {last.content.state}{after}" + (f": {reason}" if reason else "")
     yield Fact(last.sent, words, _record(last))
     yield from (Fact(last.sent, plain(evidence(one)), _record(last)) for one in last.content.evidence)
 
@@ -125,4 +126,4 @@ def _failed(act: Act) -> Fact:
     command: rc.Command = act.command
     what = " ".join(filter(None, (spaced(type(command).__name__), getattr(command, "object", ""))))
     assert act.end is not None
-    return Fact(act.end, f"ex did not do “{plain(what)}”: {plain(act.reason)}", f"act {command.key}")
+    return Fact(act.end, f"ex did not do “{plain(what)}”: {act.reason}", f"act {command.key}")
