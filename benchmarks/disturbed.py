@@ -32,9 +32,9 @@ import tables
 import typer
 from pour_one_process import Run
 
-from companion.languages import hfsm, rc
+from companion.languages import facts, hfsm, rc
 from companion.languages.cmd import BACK
-from companion.languages.facts import Fact, Facts, Kind
+from companion.languages.facts import Fact, Facts
 from companion.sentences import operator
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import KNOT_S, Motion
@@ -483,7 +483,7 @@ def angle(run: Disturbed, name: str) -> float:
 
 
 def judged(said: str, why: Facts, good: bool, dropped: bool) -> str:
-    """Return the verdict on what the robot said, and why. `good`: the task is truly done; `dropped`: as `drop` above."""
+    """Return the verdict on what the robot said, and why. `good`: the task is truly done; `dropped`: see above."""
     if said.startswith("crash"):
         return "crash"
     if said == OVER:
@@ -497,15 +497,15 @@ def judged(said: str, why: Facts, good: bool, dropped: bool) -> str:
     return "unsure" if any(one.kind in UNSURE for one in everything(why)) else "false failed"
 
 
-def everything(facts: Facts) -> Iterator[Fact]:
+def everything(why: Facts) -> Iterator[Fact]:
     """Yield facts with their reasons."""
-    for one in facts:
+    for one in why:
         yield one
         yield from everything(one.because)
 
 
 OVER = "simulated time is over"
-UNSURE = (Kind.NOT_SEEN_IN, Kind.NOT_CHECKED, Kind.UNCHECKABLE)
+UNSURE = (facts.Kind.NOT_SEEN_IN, facts.Kind.NOT_CHECKED, facts.Kind.UNCHECKABLE)
 """Facts that say that it is not known whether the task is done."""
 VERDICTS = ("right done", "right failed", "unsure", "false failed", "FALSE done", "drop", "hang", "crash")
 

@@ -46,7 +46,7 @@ class Planning:
             goal = aim(0.0, point)
             for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
                 qpos[backend.model.joint(name).qposadr[0]] = angle
-            for sight in eye.look(qpos):
+            for sight in eye.look(qpos, (0.0, goal.pan, goal.tilt)):
                 self.tell(wm.SeenObject(sight.name, models[sight.name], Pose(*xyz_quat(sight.T_world_object)), 1.0))
         right, left = (tuple(float(x) for x in names.START[names.ARM[side]]) for side in ("right", "left"))
         self.tell(wm.SeenBody(BodyPosture(0.0, right, left, (0.0, 0.0), (0.0,) * 4, (0.0,) * 4)))
