@@ -117,6 +117,7 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     the reason that it gives. `plain`: a text with its ids as people say them. `says`: process that is not an agent ->
     state -> what it does, in words; of an agent the design has them. `unreplaced`: agent -> why `roco replay --replace`
     cannot run it alone. `variables`: what its processes get in their environment, `{run}` standing for the run folder.
+    `contents`: version of what its messages contain; a recording of another version is refused.
     `job`: its usual task. `entry`: where this object is, `project`: the folder that Python imports it from, "" where it
     is installed.
     """
@@ -132,6 +133,7 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     unreplaced: dict[str, str] = {}
     additions: Additions = Additions()
     variables: dict[str, str] = {}
+    contents: int = 1
     job: Job = Job()
     entry: str = ""
     project: str = ""

@@ -64,6 +64,7 @@ SYSTEM = System(
     design=DESIGN,
     languages=LANGUAGES,
     processes=PROCESSES,
+    contents=2,  # reasons are facts since 2026-11-28
     about=about,
     why=why,
     plain=plain,

@@ -14,11 +14,10 @@ from mcap.records import Channel, Footer, Header, McapRecord, Message, Metadata,
 
 from fipa_codec.communicate import UNREADABLE
 from operate.recording.index import REPAIRED
-from operate.recording.stored import TORN, NoRecordingError, stored
+from operate.recording.stored import CONTENTS, NOTE, TORN, NoRecordingError, stored
 from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
 
-NOTE = "recorded"
 """Name of the metadata in which a recorder writes what it was."""
 PROJECT = "robot-companion"
 DIGITS = 12
@@ -95,7 +94,8 @@ def versions_now(system: System) -> dict[str, str]:
         installed = version(PROJECT)
     except PackageNotFoundError:
         installed = "not installed"
-    return {"version": installed, "system": system.design.file.system.name, "design": digest(system.design.text)}
+    name, design = system.design.file.system.name, digest(system.design.text)
+    return {"version": installed, "system": name, "design": design, CONTENTS: str(system.contents)}
 
 
 def digest(text: str) -> str:

@@ -23,7 +23,7 @@ from operate.recording import index
 from operate.recording.last_recording import Left, left
 from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
 from operate.recording.schemas import schema
-from operate.recording.stored import TORN, stored
+from operate.recording.stored import CONTENTS, NOTE, TORN, NoRecordingError, stored
 from operate.system import System
 
 FILE = "traffic.mcap"
@@ -163,7 +163,7 @@ class Reading:
         self.whole = False
 
     def __iter__(self) -> Iterator[Record]:
-        """Ends where the file does, however."""
+        """Ends where the file does, however. Raise NoRecordingError for contents of another version."""
         if not self._path.exists():
             return
         with self._path.open("rb") as file:
@@ -186,8 +186,17 @@ class Reading:
                     yield record
             elif isinstance(found, Metadata):
                 repaired |= found.name == index.REPAIRED
+                if found.name == NOTE and self._system is not None:
+                    self._check(found.metadata, self._system.contents)
             elif isinstance(found, Footer):
                 self.whole = not repaired
+
+    def _check(self, noted: dict[str, str], contents: int) -> None:
+        recorded = noted.get(CONTENTS, "1")
+        if recorded != str(contents):
+            why = f"has messages of version {recorded}, and these tools read version {contents}"
+            by = f"read it with the version that recorded it ({noted.get('version', 'not noted')})"
+            raise NoRecordingError(self._path, why, by)
 
 
 def read(path: Path, system: System | None = None) -> Read:

@@ -29,13 +29,14 @@ from agent_runtime.io.waiting import Waiting
 from operate.judging.judged import Judging, encoded
 from operate.judging.live import Live
 from operate.pictures.feed import Feed, feeding
-from operate.recording.contents import NOTE, versions_now
+from operate.recording.contents import versions_now
 from operate.recording.fault_file import KIND as FAULT
 from operate.recording.fault_file import OPERATOR, FaultFile
 from operate.recording.history import Setting
 from operate.recording.mcap_file import FILE, Recording
 from operate.recording.reach import Reach
 from operate.recording.records import SETTING, Garbage, House, Record, Resumed, understood
+from operate.recording.stored import NOTE
 from operate.recording.systems import SystemNameError, folders
 from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Happened, Judged
 from operate.system import System

@@ -17,9 +17,10 @@ from agent_runtime.io.options import Options
 from agent_runtime.io.tap import Sample, Tap, open_tap
 from agent_runtime.io.waiting import Waiting
 from operate.filters import Filter
-from operate.recording.contents import NOTE, versions_now
+from operate.recording.contents import versions_now
 from operate.recording.mcap_file import Recording, first
 from operate.recording.records import SETTING, House, Record, Resumed, Spoken, Token, understood
+from operate.recording.stored import NOTE
 from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
 

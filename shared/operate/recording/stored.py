@@ -25,6 +25,10 @@ TORN = (McapError, struct.error, ValueError, MemoryError)
 """A damaged or unfinished file shows as any of them."""
 
 
+NOTE = "recorded"
+"""Metadata of a recording: what its recorder was."""
+CONTENTS = "contents"
+"""In that note: the version of what messages contain."""
 GIVE = "give a run folder, or a recording (.mcap) of `roco record` or of a run"
 
 

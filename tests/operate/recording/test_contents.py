@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 from companion.tools.system import SYSTEM
 from operate.cli.__main__ import app
 from operate.recording import mcap_file
-from operate.recording.contents import NOTE, Contents, contents, digest, versions_now
+from operate.recording.contents import Contents, contents, digest, versions_now
 from operate.recording.mcap_file import Recording, topic
 from operate.recording.records import Record, understood
-from operate.recording.stored import NoRecordingError
+from operate.recording.stored import CONTENTS, NOTE, NoRecordingError
 
 
 @pytest.fixture(scope="module")
@@ -99,3 +99,19 @@ def test_the_verb_tells_it(file: Path, records: list[Record]) -> None:
     assert "C6/" not in said
     assert "  C6/ta/km/" in roco("--keys")
     assert msgspec.json.decode(roco("--format", "json"), type=Contents) == contents(file)
+
+
+@pytest.mark.parametrize(("noted", "version"), [({"version": "0.0.9"}, "1"), ({CONTENTS: "99"}, "99")])
+def test_messages_of_another_version_are_refused_with_the_reason(
+    noted: dict[str, str], version: str, tmp_path: Path, records: list[Record]
+) -> None:
+    """Older ones did not note it. What is in the recording can be counted all the same."""
+    recording = Recording(tmp_path / "traffic.mcap")
+    recording.note(NOTE, noted)
+    for record in records[:50]:
+        recording.add(record)
+    recording.finish()
+    with pytest.raises(NoRecordingError, match=rf"messages of version {version}\b.*read it with the version that"):
+        mcap_file.read(tmp_path / "traffic.mcap", SYSTEM)
+    assert sum(one.count for one in contents(tmp_path).topics) == 50
+    assert len(mcap_file.read(tmp_path / "traffic.mcap").records) == 50
