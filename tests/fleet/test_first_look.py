@@ -14,6 +14,7 @@ from agent_runtime.io.devices import Post
 from agent_runtime.testing.wires import Faults, Point
 from companion.languages import CMD, WM, rc, wm
 from companion.languages.cmd import TaskReport
+from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Pose
 from services.coordinator import words
 from services.executor.local import Ended, Felt, Move, Perform
@@ -83,11 +84,11 @@ def reports(fleet: Fleet) -> list[TaskReport]:
     return [report for one in said if isinstance(report := CMD.decode(one.content), TaskReport)]
 
 
-def refused(fleet: Fleet, within_s: float) -> str:
-    """The words with which the first command fails, in this time."""
+def refused(fleet: Fleet, within_s: float) -> Facts:
+    """Why the first command fails, in this time."""
     fleet.wires.run(fleet.ended, limit_s=within_s)
     assert [str(task.state) for task in fleet.tasks] == ["failed"]
-    return str(fleet.tasks[0].text)
+    return fleet.tasks[0].why
 
 
 def test_a_look_around_of_minutes() -> None:
@@ -100,9 +101,9 @@ def test_a_look_around_of_minutes() -> None:
     fleet.wires.run(lambda: fleet.wires.nodes["ta"].state.state != "surveying", limit_s=600.0)
     assert fleet.wires.now - began > 120.0
     assert fleet.finish() == ["done"]
-    texts = [one.text for one in reports(fleet)]
-    assert texts.count(f"plan 1: {words.LOOKS}") == 1
-    assert texts.count("plan 1") == 1, "what waited for the look around is no further plan"
+    told = [one.why for one in reports(fleet)]
+    assert told.count((fact(Kind.PLAN, 1, words.LOOKS),)) == 1
+    assert told.count((fact(Kind.PLAN, 1),)) == 1, "what waited for the look around is no further plan"
     fleet.close()
 
 
@@ -236,10 +237,10 @@ def test_who_knows_of_its_end_knows_the_rest(seed: int) -> None:
 def test_what_was_seen_is_told_though_the_end_of_the_look_around_is_not_known() -> None:
     """ta was gone for good before it told the end."""
     jar = wm.SeenObject("jar_1", "jar", Pose((0.8, 0.0, 0.9)), 1.0)
-    memory = knowledge.Memory(observed(Scene(), jar, (1, 1)), patient=False, blind="ta is not there")
+    memory = knowledge.Memory(observed(Scene(), jar, (1, 1)), patient=False, blind=(fact(Kind.OBSERVER_AWAY),))
     assert isinstance(knowledge.answer(memory, wm.ListObjects())[1], wm.Objects)
     assert knowledge.answer(replace(memory, scene=Scene()), wm.ListObjects())[1] == wm.Unknown(
-        "nothing has been looked at: ta is not there"
+        (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.OBSERVER_AWAY)),)
     )
 
 
@@ -247,7 +248,7 @@ def test_what_was_looked_at_stays_looked_at(fleet: Fleet) -> None:
     """If a later look around fails, nobody is told that nothing was looked at."""
     fleet.wires.run(lambda: fleet.up("km") and not fleet.wires.memory("km").patient)
     fleet.wires.run(fleet.at_rest)
-    late = wm.NothingSeen("the look around failed: no light")
+    late = wm.NothingSeen((fact(Kind.NOTHING_IS_SEEN),))
     ta = fleet.wires.nodes["ta"].state.incarnation
     told = next(one for one in fleet.wires.traffic if one.sender == "ta" and str(one.performative) == "inform")
     fleet.wires.deliver(replace(told, id=f"look@{ta}.9999", content=msgspec.Raw(WM.encode(late))))

@@ -14,6 +14,7 @@ from agent_runtime.core.effects import Receipt
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN, language_of
 from companion.languages import cmd, hfsm, rc, rs, sw, wm
+from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Box, Pose, Side
 from companion.telemetry import Lateness, RobotState, TrueState
 from companion.tools.system import SYSTEM
@@ -303,7 +304,7 @@ def pour(seed: int = 1, *, queries: int = 320) -> Run:
     run.wait(3.0)
     command = run.name("hi")
     run.say("hi", "co", P.REQUEST, cmd.PourInto("jar", "bowl"), talk=command, protocol="request")
-    run.say("co", "hi", P.AGREE, cmd.TaskReport(cmd.TaskState.WAITING, "I will pour"), talk=command, protocol="request")
+    run.say("co", "hi", P.AGREE, cmd.TaskReport(cmd.TaskState.WAITING, (fact(Kind.IS_NEXT),)), talk=command, protocol="request")
     run.wait(0.2)
     network = hfsm.GroundTaskNetwork("co-1-2", (hfsm.Task("pour", ("jar", "bowl")),))
     put = rc.Release("r", Side.RIGHT, "bowl_1", "table_1", Pose(BOWL_END), ())
@@ -319,7 +320,7 @@ def pour(seed: int = 1, *, queries: int = 320) -> Run:
     second = (_machine("pour out", _move(Side.LEFT), tilt),)
     plan = run.planning(again, 22, hfsm.Machine("pour", second[0].name, second), 0.9)
     run.running(plan, sw.WorkerState.SUCCEEDED, {"MoveJoint": 6.0, "Pour": 11.0})
-    done = cmd.TaskReport(cmd.TaskState.DONE, "the content of the jar is in the bowl")
+    done = cmd.TaskReport(cmd.TaskState.DONE, (fact(Kind.ARRIVED, "bowl_1", 0.06),))
     run.say("co", "hi", P.INFORM, done, talk=command, protocol="request")
     run.wait(0.5)
     return run

@@ -11,6 +11,7 @@ from synthetic import with_truth
 
 from companion.asking import Heard
 from companion.languages import LANGUAGES, RC, WM, rc, rs, wm
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side, Uncertainty
 from companion.tools.beliefs import Beliefs
 from companion.tools.report import believed, page, report
@@ -148,7 +149,7 @@ def test_what_was_put_down_unseen_or_lost_is_said_so(past: History) -> None:
     assert put.id == "test/1@9.1"
     lost = found(told(past, let_go, wm.LostObject("jar_1", Side.LEFT)), "jar_1")
     assert (lost.how, lost.at, lost.apart_mm) == ("lost by the left hand", None, None)
-    assert [one.how for one in believed.things(told(past, wm.WorldLost("it began again"))) if one.at] == []
+    assert [one.how for one in believed.things(told(past, wm.WorldLost((fact(Kind.NEW_WORLD),)))) if one.at] == []
 
 
 def test_what_is_lost_is_in_no_hand(past: History) -> None:
@@ -161,7 +162,7 @@ def test_what_is_lost_is_in_no_hand(past: History) -> None:
 
 def test_nothing_older_than_a_lost_world_counts(past: History) -> None:
     """Though it is heard after it."""
-    lost = told(past, wm.WorldLost("it began again"))
+    lost = told(past, wm.WorldLost((fact(Kind.NEW_WORLD),)))
     (last,) = lost.said[-1:]
     late = saying(
         last, wm.PlacedObject("jar_1", "jar", Pose((0.6, -0.5, 0.876)), 9.0), "object/jar_1@8.0", last.received

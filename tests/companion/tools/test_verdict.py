@@ -10,6 +10,7 @@ import synthetic
 from synthetic import Run
 
 from companion.languages import cmd, hfsm, rc, sw
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from companion.telemetry import TrueState
 from companion.tools.report import events, plans, report, story, verdict
@@ -82,7 +83,7 @@ def put_down(run: Run) -> None:
     release = rc.Release("r2", Side.LEFT, "jar_1", "table_1", Pose(synthetic.BOWL_END), ())
     plan = run.planning(asked, 3, hfsm.Machine("put", "release0", (hfsm.ActState("release0", release),)), 0.3)
     run.running(plan, sw.WorkerState.SUCCEEDED, {"Release": 4.0})
-    run.say("co", "hi", P.INFORM, cmd.TaskReport(cmd.TaskState.DONE, "it is down"), talk=talk, protocol="request")
+    run.say("co", "hi", P.INFORM, cmd.TaskReport(cmd.TaskState.DONE), talk=talk, protocol="request")
     run.inside = {"jar_1": 0, "bowl_1": 0}
     run.wait(2.0)
 
@@ -107,7 +108,7 @@ def test_each_pour_of_a_run_has_its_own_verdict() -> None:
     put_down(run)
     talk = run.name("hi")
     run.say("hi", "co", P.REQUEST, cmd.PourInto("jar", "bowl"), talk=talk, protocol="request")
-    run.say("co", "hi", P.INFORM, cmd.TaskReport(cmd.TaskState.DONE, "poured"), talk=talk, protocol="request")
+    run.say("co", "hi", P.INFORM, cmd.TaskReport(cmd.TaskState.DONE), talk=talk, protocol="request")
     run.wait(1.0)
     told = report.build(_past(run))
     assert told.success
@@ -162,15 +163,15 @@ def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
     talk, network = run.name("hi"), run.name("co")
     run.say("hi", "co", P.REQUEST, command, talk=talk, protocol="request")
     if agreed:
-        waiting = cmd.TaskReport(cmd.TaskState.WAITING, "I will")
+        waiting = cmd.TaskReport(cmd.TaskState.WAITING, (fact(Kind.IS_NEXT),))
         run.say("co", "hi", P.AGREE, waiting, talk=talk, protocol="request")
         asked = hfsm.GroundTaskNetwork(f"{talk}-plan1", (hfsm.Task("take", ("cup", "")),))
         run.say("co", "pl", P.REQUEST, asked, talk=network, protocol="request")
-        run.say("pl", "co", P.REFUSE, hfsm.NoPlan(asked.id, "there is no cup"), talk=network, protocol="request")
-        failed = cmd.TaskReport(cmd.TaskState.FAILED, "there is no cup")
+        run.say("pl", "co", P.REFUSE, hfsm.NoPlan(asked.id, (fact(Kind.NOT_SEEN, "cup"),)), talk=network, protocol="request")
+        failed = cmd.TaskReport(cmd.TaskState.FAILED, (fact(Kind.NOT_SEEN, "cup"),))
         run.say("co", "hi", P.INFORM, failed, talk=talk, protocol="request")
     else:
-        busy = cmd.TaskReport(cmd.TaskState.FAILED, "busy: 1 task is open already")
+        busy = cmd.TaskReport(cmd.TaskState.FAILED, (fact(Kind.TASKS_OPEN, 1),))
         run.say("co", "hi", P.REFUSE, busy, talk=talk, protocol="request")
     return talk
 
@@ -207,7 +208,7 @@ def test_a_plan_that_was_put_off_is_no_plan() -> None:
     first = next(one for one in before.said if isinstance(one.content, hfsm.GroundTaskNetwork))
     talk = run.name("co")
     run.say("co", "pl", P.REQUEST, first.content, talk=talk, protocol="request")
-    off = hfsm.NoPlan(first.content.id, "the look around is not over", later=True)
+    off = hfsm.NoPlan(first.content.id, (fact(Kind.LOOK_NOT_OVER),), later=True)
     run.say("pl", "co", P.FAILURE, off, talk=talk, protocol="request")
     past = _past(run)
     assert verdict.failure(past) is None
