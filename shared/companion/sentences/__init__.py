@@ -38,6 +38,7 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     thing: dict[str, tuple[str, ...]]
     unit: dict[str, tuple[str, float]]
     furniture: dict[str, str] = {}
+    state: dict[str, str] = {}
     joined: dict[str, str] = msgspec.field(name="and", default_factory=dict)
 
 
@@ -66,6 +67,11 @@ def operator(facts: Iterable[Fact]) -> str:
 def person(facts: Iterable[Fact], language: str) -> str:
     """Return facts as sentences for a person, in "en" or "pl"; "" for none."""
     return " ".join(dict.fromkeys(_sentences(facts, Reader(language))))
+
+
+def state(name: str, language: str) -> str:
+    """Return the state of a task for a person, in "en" or "pl"; one that is not known as it is."""
+    return catalogue(Reader(language)).state.get(name, name)
 
 
 def thing(name: str, reader: Reader, form: int = 0) -> str:
