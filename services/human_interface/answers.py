@@ -5,30 +5,31 @@ Pure. Must not know: HTTP, the grammar.
 
 from collections.abc import Callable
 
-from companion import wording
 from companion.languages.cmd import TaskState
+from companion.languages.facts import Kind, fact
+from companion.sentences import person, state
 from services.human_interface.catalogue import say
 from services.human_interface.memory import Memory
 
 
 def _see(memory: Memory, language: str) -> str:
     seen = memory.context.seen
-    return (
-        say(language, "seen", wording.plain(seen.removeprefix("seen: ")).rstrip("."))
-        if seen
-        else say(language, "not_seen")
-    )
+    if seen is None:
+        return say(language, "not_seen")
+    return say(language, "seen", person((fact(Kind.SEEN, *seen) if seen else fact(Kind.SEEN_NOTHING),), language))
 
 
 def _why(memory: Memory, language: str) -> str:
     """The task that is open and how it is, else the last one that was not done and the reason."""
     if memory.open_tasks:
         line = memory.open_tasks[0]
-        return say(language, "because", line.said, line.state, f" ({wording.plain(line.text)})" if line.text else "")
+        why = say(language, "asks") if line.asks else person(line.why, language)
+        return say(language, "because", line.said, state(line.state, language), why).rstrip()
     ended = [line for line in memory.tasks if line.state in (TaskState.FAILED, TaskState.CANCELLED)]
     if not ended:
         return say(language, "no_failure")
-    return say(language, "failed", ended[-1].said, wording.plain(ended[-1].text or ended[-1].state).rstrip("."))
+    line = ended[-1]
+    return say(language, "failed", line.said, person(line.why, language) or state(line.state, language))
 
 
 def _help(memory: Memory, language: str) -> str:

@@ -14,6 +14,7 @@ from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import cmd
 from companion.languages.cmd import TaskState
+from companion.languages.facts import Kind, fact
 from companion.run_files import ANSWERED, QUESTION, REFUSED, RELEASED, STOPPED, HiEvent, InWords, Question, TaskLine
 from fipa_codec.performatives import Performative as P
 from services.human_interface import answers, local, offers, words
@@ -40,10 +41,11 @@ def listen(memory: Memory, turn: Turn) -> Memory:
             return replace(memory, words=(*memory.words, word))
         case Received() as received:
             turn.unwake(received.conversation)
-            news = words.news(memory, received)
+            news = words.news(memory, turn, received)
             return _after(_answered(memory), turn, *news).with_news(*news)
         case Broken(conversation=name, reason=why):
-            return memory.with_news(words.failed(name, f"the conversation with the coordinator broke: {why}"))
+            turn.log("broken", conversation=name, reason=why)
+            return memory.with_news(words.failed(name, fact(Kind.BROKE_OFF, AgentName.CO)))
         case Woken(name=task) if turn.holds(task) and not memory.away:
             return _unanswered(memory, task)
         case Started():
@@ -69,8 +71,9 @@ def _answered(memory: Memory) -> Memory:
 def _after(memory: Memory, turn: Turn, *news: News) -> Memory:
     """Note what a look around told; cancel what was said after a task of the same sentence that was not done."""
     for one in news:
-        if one.state == TaskState.DONE and one.task in memory.looks:
-            memory = memory.with_context(seen=one.text)
+        for said in one.report.why if one.report and one.state == TaskState.DONE and one.task in memory.looks else ():
+            if said.kind in (Kind.SEEN, Kind.SEEN_NOTHING):
+                memory = memory.with_context(seen=said.things)
         if one.state in FINAL:
             later = [name for name, before in memory.follows if before == one.task]
             follows = tuple(pair for pair in memory.follows if pair[1] != one.task)
@@ -301,12 +304,8 @@ def tell(memory: Memory, turn: Turn) -> Memory:
     """State telling: show the tasks as they are now, and an event for each piece of news."""
     for news in memory.news:
         line = memory.task(news.task)
-        if line is not None and news.state:
-            since = turn.now if line.state != news.state else line.since
-            text = news.text if news.text or news.state in FINAL else line.text
-            line = replace(line, state=news.state, text=text, since=since, steps=_steps(line, news), asks=news.asks)
-            line = replace(line, evidence=news.evidence)
-            memory = memory.with_task(replace(line, accepted=line.accepted or _taken(news)))
+        if line is not None and news.report is not None:
+            memory = memory.with_task(_reported(line, news.report, news.text, turn.now))
         memory = replace(memory, told=memory.told + 1)
         turn.tell(Told(HiEvent(memory.told, turn.now, news.agent, news.name, news.text, news.task)))
     turn.tell(_shown(memory))
@@ -319,14 +318,15 @@ def _shown(memory: Memory) -> Shown:
     return Shown(memory.tasks, memory.told, offers.wishes(memory.context), questions)
 
 
-def _steps(line: TaskLine, news: News) -> tuple[str, ...]:
-    """The steps of the plan that is under way: those of a new one, none once the task has left its plan."""
-    return news.steps or (line.steps if news.state == TaskState.RUNNING else ())
-
-
-def _taken(news: News) -> bool:
-    """Whether co says of a task what it only says of one that it took."""
-    return news.state not in ("", TaskState.FAILED)
+def _reported(line: TaskLine, said: cmd.TaskReport, text: str, now: float) -> TaskLine:
+    """The task after a report, `text`: in words. One without words leaves the reason; steps end with their plan."""
+    steps = said.steps or (line.steps if said.state == TaskState.RUNNING else ())
+    if text or said.state in FINAL:
+        line = replace(line, text=text, why=said.why)
+    if line.state != said.state:
+        line = replace(line, state=said.state, since=now)
+    asks, accepted = said.at if said.asks else "", line.accepted or said.state != TaskState.FAILED
+    return replace(line, steps=steps, at=said.at, asks=asks, evidence=said.evidence, accepted=accepted)
 
 
 def agent() -> Agent[Memory]:

@@ -7,8 +7,7 @@ from typing import Any
 
 import msgspec
 
-from companion.languages.cmd import TaskState
-from companion.languages.evidence import Evidence
+from companion.languages.cmd import TaskReport, TaskState
 from companion.run_files import TaskLine
 from services.human_interface.local import Local, Said
 from services.human_interface.wishes import Context, Option
@@ -21,20 +20,21 @@ FINAL = frozenset({TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED})
 
 
 class News(msgspec.Struct, frozen=True):
-    """News of a task ("": of none). `name`: a task state or an event of hi; `state` "": no change.
+    """News of a task ("": of none). `name`: a task state or an event of hi; `report`: None for no change of the task.
 
-    `steps`: of a new plan; `asks`: the state of the plan that waits for an operator. `evidence`: at the end, what is
-    true now and which senses told.
+    `text`: hi's own words, or the report in the operator's words.
     """
 
     agent: str
     name: str
     text: str
     task: str = ""
-    state: str = ""
-    steps: tuple[str, ...] = ()
-    asks: str = ""
-    evidence: tuple[Evidence, ...] = ()
+    report: TaskReport | None = None
+
+    @property
+    def state(self) -> str:
+        """The new state of the task, "" for no change."""
+        return self.report.state if self.report else ""
 
 
 class Asked(msgspec.Struct, frozen=True, omit_defaults=True):

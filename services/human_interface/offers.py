@@ -44,8 +44,7 @@ def replies(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
 
 def _things(context: Context) -> tuple[str, ...]:
     """The things that can be taken, the only one of its kind without a number."""
-    told = (name.strip() for name in context.seen.removeprefix("seen: ").split(","))
-    seen = tuple(name for name in told if _kind(name) in THINGS and "take" in THINGS[_kind(name)].can)
+    seen = tuple(name for name in context.seen or () if _kind(name) in THINGS and "take" in THINGS[_kind(name)].can)
     kinds = [_kind(name) for name in seen]
     named = tuple(name if kinds.count(_kind(name)) > 1 else _kind(name) for name in seen)
     return tuple(dict.fromkeys((*named, *(name for name in context.mentioned if _kind(name) not in kinds))))

@@ -30,11 +30,13 @@ class Option(msgspec.Struct, frozen=True):
 
 
 class Context(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Context of the talk: things mentioned, last one first; options of the open question; the last look around."""
+    """Context of the talk: things mentioned, last one first; options of the open question; things that the last look
+    around saw, None before the first one.
+    """
 
     mentioned: tuple[str, ...] = ()
     options: tuple[Option, ...] = ()
-    seen: str = ""
+    seen: tuple[str, ...] | None = None
 
 
 class Act(msgspec.Struct, frozen=True):
@@ -141,7 +143,7 @@ def _tasks(clauses: tuple[Clause, ...], context: Context, language: str) -> tupl
     mentioned = context.mentioned
     for clause in clauses:
         uses = zip(clause.things, USE.get(clause.does, ("take",)), strict=False)
-        names = tuple(_thing(thing, use, mentioned, context.seen, language) for thing, use in uses)
+        names = tuple(_thing(thing, use, mentioned, context.seen or (), language) for thing, use in uses)
         tasks.append(MAKE[clause.does](clause, names, language))
         mentioned = with_mentioned(mentioned, *names)
     return tuple(tasks)
@@ -152,7 +154,7 @@ def with_mentioned(before: tuple[str, ...], *names: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*names, *before)))[:MOST_MENTIONED]
 
 
-def _thing(thing: Thing, use: str, mentioned: tuple[str, ...], seen: str, language: str) -> str:
+def _thing(thing: Thing, use: str, mentioned: tuple[str, ...], seen: tuple[str, ...], language: str) -> str:
     """The name of a thing as pl takes it. Raise _Doubt where it is not clear which one is meant; any place will do."""
     fit = tuple(one.name for one in THINGS.values() if use in one.can)
     if thing.ref:

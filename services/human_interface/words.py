@@ -1,11 +1,15 @@
 """Messages of hi to co, and the meaning of co's messages."""
 
+from msgspec.structs import replace
+
 from agent_runtime.core.events import Received
 from agent_runtime.core.turn import Turn
 from companion.design import AgentName
 from companion.languages import cmd
-from companion.languages.cmd import TaskState
-from companion.languages.evidence import Evidence
+from companion.languages.cmd import TaskReport, TaskState
+from companion.languages.facts import Fact, Kind, fact
+from companion.sentences import operator
+from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
 from services.human_interface.memory import FINAL, Memory, News
 
@@ -20,28 +24,35 @@ def ask(turn: Turn, wish: cmd.Task) -> str:
     return turn.open(AgentName.CO, "request", P.REQUEST, wish)
 
 
-def news(memory: Memory, received: Received) -> tuple[News, ...]:
+def news(memory: Memory, turn: Turn, received: Received) -> tuple[News, ...]:
     """Return what a message of co says of a task; nothing for one that is forgotten."""
-    name, said = received.conversation, received.content
+    name, said, performative = received.conversation, received.content, received.communicate.performative
     line = memory.task(name)
     if line is None:
         return ()
-    text = getattr(said, "text", "")
+    if isinstance(said, Reason):
+        turn.log("reason of co", performative=performative, text=said.text)
+    report = said if isinstance(said, TaskReport) else TaskReport(TaskState.FAILED)
     if line.state in FINAL:
-        return (News(AgentName.CO, TOO_LATE, text or f"it was {line.state} already", name),)
-    if received.communicate.performative in (P.AGREE, P.INFORM) and isinstance(said, cmd.TaskReport):
-        about = ABOUT.get(said.state, AgentName.CO)
-        text = asking(said.asks, text) if said.asks else text
-        return (News(about, said.state, text, name, said.state, said.steps, said.asks, said.evidence),)
-    why = text or f"the coordinator said {received.communicate.performative} and no reason"
-    return (failed(name, why, getattr(said, "evidence", ())),)
+        return (News(AgentName.CO, TOO_LATE, _in_words(report) or f"it was {line.state} already", name),)
+    if report is said and performative in (P.AGREE, P.INFORM):
+        return (News(ABOUT.get(report.state, AgentName.CO), report.state, _in_words(report), name, report),)
+    unsaid = Kind.NOT_UNDERSTOOD if performative is P.NOT_UNDERSTOOD else Kind.NO_REASON
+    return (_failed(name, replace(report, state=TaskState.FAILED, why=report.why or (fact(unsaid, AgentName.CO),))),)
 
 
-def asking(at: str, hand: str) -> str:
-    """Return in words that a state of the plan waits for an operator; `hand`: with which one it is done, or ""."""
-    return f"waits for you: next is '{' '.join(filter(None, (at.replace('/', ': '), hand)))}' - `roco step` to go on"
-
-
-def failed(name: str, why: str, evidence: tuple[Evidence, ...] = ()) -> News:
+def failed(name: str, why: Fact) -> News:
     """Return the news that a task failed, and why."""
-    return News(AgentName.CO, TaskState.FAILED, why, name, TaskState.FAILED, evidence=evidence)
+    return _failed(name, TaskReport(TaskState.FAILED, (why,)))
+
+
+def _failed(name: str, report: TaskReport) -> News:
+    return News(AgentName.CO, TaskState.FAILED, _in_words(report), name, report)
+
+
+def _in_words(report: TaskReport) -> str:
+    """A report in the operator's words."""
+    if report.asks:
+        hand = f" with the {report.side} hand" if report.side else ""
+        return f"waits for you: next is '{report.at.replace('/', ': ')}{hand}' - `roco step` to go on"
+    return ": ".join(filter(None, (report.at, operator(report.why))))

@@ -5,8 +5,8 @@ from importlib import resources
 
 import msgspec
 
-from companion.languages.evidence import Evidence
 from companion.run_files import InWords
+from companion.sentences import Reader, thing
 from companion.wording import plain
 
 LANGUAGES = ("en", "pl")
@@ -24,8 +24,6 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The whole file."""
 
     say: dict[str, dict[str, str]]
-    state: dict[str, InWords]
-    thing: dict[str, InWords]
     leaf: dict[str, InWords]
     step: tuple[StepRow, ...]
 
@@ -38,23 +36,12 @@ def say(language: str, row: str, *parts: object) -> str:
     return CATALOGUE.say[language][row].format(*parts)
 
 
-def state(language: str, name: str) -> str:
-    """Return the state of a task in words; one that is not known as it is."""
-    return str(getattr(CATALOGUE.state[name], language)) if name in CATALOGUE.state else name
-
-
 def step(language: str, name: str) -> str:
     """Return a step of a plan in words; one that is not known as plain English."""
     for row in CATALOGUE.step:
         if found := re.fullmatch(row.of, name):
-            return str(getattr(row, language)).format(*(_thing(language, one) for one in found.groups()))
+            return str(getattr(row, language)).format(*(thing(one, Reader(language)) for one in found.groups()))
     return plain(name)
-
-
-def not_checked(language: str, one: Evidence) -> str:
-    """Return a sentence about a claim that no sense has told; "" for one that a person need not know."""
-    row = f"unchecked_{one.claim}"
-    return say(language, row, _thing(language, one.of)) if row in CATALOGUE.say[language] else ""
 
 
 def leaf(language: str, path: str) -> str:
@@ -71,9 +58,3 @@ def preferred(accepted: str) -> str:
         if (language := one.strip()[:2]) in LANGUAGES:
             return language
     return LANGUAGES[0]
-
-
-def _thing(language: str, name: str) -> str:
-    kind, _, number = name.partition("_")
-    word = str(getattr(CATALOGUE.thing[kind], language)) if kind in CATALOGUE.thing else kind
-    return word if number in ("", "1") else f"{word} {number}"

@@ -6,9 +6,10 @@ import msgspec
 
 from companion.languages.cmd import TaskState
 from companion.languages.evidence import unchecked
+from companion.languages.facts import Kind, fact
 from companion.run_files import HiEvent, InWords, TaskLine, Wish
-from companion.wording import plain
-from services.page.catalogue import CATALOGUE, leaf, not_checked, say, state, step
+from companion.sentences import person, state
+from services.page.catalogue import CATALOGUE, leaf, say, step
 
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
 ACTIVE = (TaskState.RUNNING, TaskState.PLANNING)
@@ -29,9 +30,9 @@ class Heard(msgspec.Struct, frozen=True):
 
 
 class TaskView(msgspec.Struct, frozen=True):
-    """A task. `why`: the reason in the words of the one who gave it, which are English. `asks`: the state of its plan
-    that waits for a person, `asks_says` in words. `deadline` [unix s]: shown by a browser by its own clock.
-    `unchecked`: what nobody has checked of a task that was done.
+    """A task. `why`: the reason of its state. `asks`: the state of its plan that waits for a person, `asks_says` in
+    words. `deadline` [unix s]: shown by a browser by its own clock. `unchecked`: what nobody has checked of a task that
+    was done.
     """
 
     task: str
@@ -115,18 +116,13 @@ def _now(heard: Heard, active: TaskLine | None, language: str) -> str:
 
 def _steps(line: TaskLine, language: str) -> tuple[str, str]:
     """The step of the plan that is done now, and the one after it."""
-    at = plain_step(line.asks or line.text)
+    at = line.at.partition("/")[0]
     if at not in line.steps:
-        return (step(language, at) if line.steps and at else state(language, line.state)), ""
+        return (step(language, at) if line.steps and at else state(line.state, language)), ""
     number = line.steps.index(at)
     after = line.steps[number + 1 : number + 2]
     now = say(language, "step", number + 1, len(line.steps), step(language, at))
     return now, say(language, "next", step(language, after[0])) if after else say(language, "last_step")
-
-
-def plain_step(text: str) -> str:
-    """Return the step of a plan that a running task's text names: "take jar_1/grasp" is of step "take jar_1"."""
-    return text.partition("/")[0].strip()
 
 
 def _task(line: TaskLine, language: str) -> TaskView:
@@ -135,9 +131,9 @@ def _task(line: TaskLine, language: str) -> TaskView:
         line.task,
         _says(line, language),
         line.state,
-        state(language, line.state),
+        state(line.state, language),
         say(language, "urgent") if line.urgency else "",
-        _why(line),
+        "" if line.asks or line.state == TaskState.DONE else person(line.why, language),
         line.asks,
         asks_says,
         line.deadline,
@@ -147,15 +143,7 @@ def _task(line: TaskLine, language: str) -> TaskView:
 
 def _unchecked(line: TaskLine, language: str) -> str:
     claims = unchecked(line.evidence) if line.state == TaskState.DONE else ()
-    return " ".join(filter(None, (not_checked(language, one) for one in claims)))
-
-
-def _why(line: TaskLine) -> str:
-    """The reason that was given for the state of a task: none for a step of its plan, or for what hi itself said."""
-    by_others = (
-        line.accepted and not line.asks and line.state != TaskState.DONE and plain_step(line.text) not in line.steps
-    )
-    return plain(line.text) if by_others or line.state in (TaskState.FAILED, TaskState.CANCELLED) else ""
+    return person((fact(Kind.NOT_CHECKED, one.claim, one.of) for one in claims), language)
 
 
 def _says(line: TaskLine, language: str) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated
 import msgspec
 
 from companion.languages.evidence import Evidence
+from companion.languages.facts import Facts
 
 HI_FILE = "hi.json"
 PAGE_FILE = "page.json"
@@ -84,9 +85,12 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `then`: the tasks that follow, where a sentence has several wishes. `accepted`: the coordinator took it. `wish`: a
     sentence from which this task alone is understood. `replies`: sentences that answer a question. `steps`: what its
-    plan does, one after the other; `text` begins with one of them while the task runs. `urgency`, `deadline` [unix s]:
-    as it was said. `asks`: path of the plan's state that waits for an operator; `text` says so then. `evidence`: at the
-    end, what is true now and which senses told.
+    plan does, one after the other. `urgency`, `deadline` [unix s]: as it was said.
+
+    `why`: reason of its state; `at`: path of the plan's state that is under way, or waits, whose first part is one of
+    the steps. `asks`: the same path, if that state waits for an operator. `text` is for a terminal: `why` and `at` in
+    the operator's words, or hi's own words; no program reads it. `evidence`: at the end, what is true now and which
+    senses told.
     """
 
     task: str
@@ -101,6 +105,8 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
     steps: tuple[str, ...] = ()
     urgency: int = 0
     deadline: float = 0.0
+    why: Facts = ()
+    at: str = ""
     asks: str = ""
     evidence: tuple[Evidence, ...] = ()
 
@@ -138,7 +144,7 @@ class Tasks(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class HiEvent(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Something hi tells people; `n` counts from 1 without gaps. `t`: unix time [s]."""
+    """Something hi tells people; `n` counts from 1 without gaps. `t`: unix time [s]; `text`: as of a TaskLine."""
 
     n: int
     t: float

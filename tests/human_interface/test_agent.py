@@ -13,6 +13,10 @@ from companion.binding import wiring
 from companion.design import DESIGN
 from companion.languages import cmd
 from companion.languages.cmd import TaskReport, TaskState
+from companion.languages.facts import Kind as Why
+from companion.languages.facts import fact
+from companion.languages.values import Side
+from companion.sentences import operator
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative as P
 from services.human_interface.behaviours import ANSWER_WITHIN_S, agent
@@ -21,6 +25,7 @@ from services.human_interface.local import Answer, CancelWanted, Halted, Said, S
 from services.human_interface.memory import AGAIN_S, ASKED_S, CONDITIONS, KEPT_TASKS
 
 read = cache(understand)
+BUSY, NEXT = fact(Why.TASKS_OPEN, 4), fact(Why.IS_NEXT)
 
 
 class Nothing(msgspec.Struct, frozen=True):
@@ -74,9 +79,14 @@ class Scene:
         self.wires.post("co", lambda turn: turn.say(task, performative, content, **more))
         self.settle()
 
-    def report(self, task, performative, state, text="", **more):
+    def report(self, task, performative, state, *why, at="", **more):
         """Co reports."""
-        self.co(task, performative, TaskReport(state, text), **more)
+        self.co(task, performative, TaskReport(state, why, at=at), **more)
+
+    def line(self, task):
+        """A task as /tasks shows it."""
+        shown = [one for one in self.shown if isinstance(one, Shown)][-1]
+        return next(line for line in shown.tasks if line.task == task)
 
     @property
     def tasks(self):
@@ -116,11 +126,12 @@ def test_a_sentence_that_is_not_understood_reaches_nobody(scene):
 def test_states_of_a_task_are_those_that_co_tells(scene):
     """waiting, planning, running, done; each an event, numbered without gaps."""
     task = scene.say("take the jar").line.task
-    scene.report(task, P.AGREE, TaskState.WAITING, "next")
+    scene.report(task, P.AGREE, TaskState.WAITING, NEXT)
     scene.report(task, P.INFORM, TaskState.PLANNING)
     assert scene.tasks[task] == "planning"
-    scene.report(task, P.INFORM, TaskState.RUNNING, "main/take")
-    assert scene.tasks[task] == "running"
+    scene.report(task, P.INFORM, TaskState.RUNNING, at="take jar_1/grasp")
+    line = scene.line(task)
+    assert (line.state, line.at, line.why, line.text) == ("running", "take jar_1/grasp", (), "take jar_1/grasp")
     scene.report(task, P.INFORM, TaskState.DONE)
     assert scene.tasks[task] == "done"
     assert [event.n for event in scene.events] == list(range(1, len(scene.events) + 1))
@@ -133,20 +144,22 @@ def test_states_of_a_task_are_those_that_co_tells(scene):
 
 
 @pytest.mark.parametrize(
-    ("performative", "content"),
+    ("performative", "content", "why"),
     [
-        (P.REFUSE, TaskReport(TaskState.FAILED, "busy")),
-        (P.FAILURE, TaskReport(TaskState.FAILED, "busy")),
-        (P.FAILURE, Reason("busy")),
-        (P.NOT_UNDERSTOOD, Reason("busy")),
+        (P.REFUSE, TaskReport(TaskState.FAILED, (BUSY,)), BUSY),
+        (P.FAILURE, TaskReport(TaskState.FAILED, (BUSY,)), BUSY),
+        (P.FAILURE, TaskReport(TaskState.FAILED), fact(Why.NO_REASON, "co")),
+        (P.FAILURE, Reason("busy"), fact(Why.NO_REASON, "co")),
+        (P.NOT_UNDERSTOOD, Reason("busy"), fact(Why.NOT_UNDERSTOOD, "co")),
     ],
 )
-def test_whatever_ends_a_task_badly_shows_as_failed_with_its_reason(scene, performative, content):
-    """Refused, failed, not understood."""
+def test_whatever_ends_a_task_badly_shows_as_failed_with_its_reason(scene, performative, content, why):
+    """Refused, failed, not understood; a text of the protocol is for the log alone."""
     task = scene.say("take the jar").line.task
     scene.co(task, performative, content)
-    assert scene.tasks[task] == "failed"
-    assert scene.events[-1].text == "busy"
+    line = scene.line(task)
+    assert (line.state, line.why) == ("failed", (why,))
+    assert line.text == scene.events[-1].text == operator((why,))
 
 
 @pytest.mark.parametrize("words", ["cancel", "cancel hi-1-1", "never mind", "anuluj"])
@@ -156,7 +169,7 @@ def test_cancel_by_words_cancels_the_oldest_or_the_named_task(scene, words):
     scene.report(task, P.AGREE, TaskState.WAITING)
     answer = scene.say(words).line
     assert (answer.task, scene.heard[-1].communicate.performative) == (task, P.CANCEL)
-    scene.report(task, P.INFORM, TaskState.CANCELLED, "it had not begun", kind=Kind.CANCEL)
+    scene.report(task, P.INFORM, TaskState.CANCELLED, fact(Why.NOT_BEGUN_YET), kind=Kind.CANCEL)
     assert scene.tasks[task] == "cancelled"
 
 
@@ -164,7 +177,7 @@ def test_a_cancel_is_answered_in_words_not_by_the_step_of_the_plan(scene):
     """In the language of who cancels; the task itself goes on telling its step."""
     task = scene.say("look around").line.task
     scene.say("take the jar")
-    scene.report(task, P.AGREE, TaskState.RUNNING, "look around/look")
+    scene.report(task, P.AGREE, TaskState.RUNNING, at="look around/look")
     assert scene.cancel(task).line.text == "I am cancelling: look around."
     assert scene.cancel(task, "pl").line.text == "Anuluję: rozejrzyj się."
     assert scene.say("anuluj").line.text == "Anuluję: rozejrzyj się."
@@ -201,7 +214,7 @@ def test_cancel_of_nothing_and_of_unknown_tasks_is_told(scene):
     assert (scene.cancel().status, scene.cancel("hi-9-9").status) == (404, 404)
     assert scene.say("cancel").line.state == "refused"
     task = scene.say("take the jar").line.task
-    scene.report(task, P.REFUSE, TaskState.FAILED, "busy")
+    scene.report(task, P.REFUSE, TaskState.FAILED, BUSY)
     line = scene.cancel(task).line
     assert (line.state, line.text) == ("failed", "That is over already: take the jar.")
 
@@ -274,7 +287,7 @@ def test_only_so_many_ended_tasks_are_remembered(scene):
     first = scene.say("take the jar").line.task
     for _ in range(KEPT_TASKS + 5):
         task = scene.say("look around", "").line.task
-        scene.report(task, P.REFUSE, TaskState.FAILED, "busy")
+        scene.report(task, P.REFUSE, TaskState.FAILED, BUSY)
     assert len(scene.tasks) == KEPT_TASKS
     assert scene.tasks[first] == "waiting"
 
@@ -290,15 +303,17 @@ def test_what_a_person_reads_names_the_task_and_says_since_when(scene):
     first, second = (scene.say(words).line for words in ("take the jar", "look around"))
     assert scene.say("status").line.text == "; ".join(f"{one.task} is waiting: {one.text}" for one in (first, second))
     scene.settle(1.0)
-    scene.report(first.task, P.AGREE, TaskState.WAITING, "next")
+    scene.report(first.task, P.AGREE, TaskState.WAITING, NEXT)
     status = scene.say("status").line
     assert (status.task, status.state, status.since) == (first.task, "waiting", first.since)
     scene.report(first.task, P.INFORM, TaskState.PLANNING)
     status = scene.say("status").line
-    assert f"{first.task} is planning: next" in status.text
+    assert f"{first.task} is planning: {operator((NEXT,))}" in status.text
+    assert scene.line(first.task).why == (NEXT,)
     assert status.since > first.since + 1.0
     scene.report(first.task, P.INFORM, TaskState.DONE)
-    assert next(line for line in scene.hi.state.memory.tasks if line.task == first.task).text == ""
+    line = scene.line(first.task)
+    assert (line.text, line.why) == ("", ())
 
 
 def test_a_cancel_of_what_there_is_not_names_what_there_is(scene):
@@ -322,7 +337,7 @@ def test_what_fails_is_failed_whatever_state_it_names(scene):
     """The performative counts."""
     task = scene.say("take the jar").line.task
     scene.report(task, P.AGREE, TaskState.WAITING)
-    scene.report(task, P.FAILURE, TaskState.RUNNING, "slipped")
+    scene.report(task, P.FAILURE, TaskState.RUNNING, fact(Why.LOST, "left", "jar_1"))
     assert scene.tasks[task] == "failed"
 
 
@@ -348,8 +363,8 @@ def test_what_cannot_be_understood_of_co_fails_the_task(scene):
     wrong = msgspec.structs.replace(asked, sender="co", receiver="hi", id="1", performative=P.INFORM, reply_with="")
     scene.wires.deliver(wrong)
     scene.settle()
-    assert scene.tasks[task] == "failed"
-    assert scene.events[-1].text.startswith("the conversation with the coordinator broke")
+    line = scene.line(task)
+    assert (line.state, line.why) == ("failed", (fact(Why.BROKE_OFF, "co"),))
 
 
 def test_urgency_and_deadline_of_a_sentence_go_to_the_coordinator(scene):
@@ -444,7 +459,7 @@ def test_what_follows_in_a_sentence_is_cancelled_where_the_first_was_not_done(sc
         scene.cancel(line.task)
         scene.report(line.task, P.INFORM, TaskState.CANCELLED, kind=Kind.CANCEL)
     else:
-        scene.report(line.task, P.REFUSE, TaskState.FAILED, "busy")
+        scene.report(line.task, P.REFUSE, TaskState.FAILED, BUSY)
     cancelled = {one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL}
     assert cancelled - {line.task} == set(line.then)
     assert other not in cancelled
@@ -612,25 +627,39 @@ def test_who_asks_how_to_stop_is_told(scene, text, told):
 
 
 def test_what_is_seen_is_what_the_last_look_told(scene):
-    """Before, it says how to look."""
+    """Before, it says how to look. Each is told in the language of who asks."""
     assert "look around" in scene.say("what do you see?").line.text
     task = scene.say("look around").line.task
     scene.report(task, P.AGREE, TaskState.WAITING)
-    scene.report(task, P.INFORM, TaskState.DONE, "seen: jar_1, jar_2")
+    scene.report(task, P.INFORM, TaskState.DONE, fact(Why.SEEN, "jar_1", "jar_2"))
     line = scene.say("co widzisz?").line
-    assert (line.state, "jar, jar 2" in line.text) == ("answered", True)
+    assert (line.state, "słoik i słoik 2" in line.text) == ("answered", True)
+    assert "the jar and jar 2" in scene.say("what do you see?").line.text
     assert scene.say("take the jar").line.state == "question", "there are two"
     assert scene.say("jar 2").line.state == "waiting"
     assert scene.heard[-1].content == cmd.Take("jar_2")
 
 
+def test_a_look_that_saw_nothing_is_told_as_such(scene):
+    """It is no missing look; what another task tells of what is seen is none."""
+    task, other = scene.say("look around").line.task, scene.say("take the jar").line.task
+    scene.report(task, P.AGREE, TaskState.WAITING)
+    scene.report(task, P.INFORM, TaskState.DONE, fact(Why.SEEN_NOTHING))
+    scene.report(other, P.AGREE, TaskState.WAITING)
+    scene.report(other, P.INFORM, TaskState.DONE, fact(Why.SEEN, "jar_1"))
+    assert scene.say("what do you see?").line.text.startswith("I see nothing that I know.")
+
+
 def test_why_names_the_reason(scene):
-    """Of the task that is open, else of the last one that was not done."""
+    """Of the task that is open, else of the last one that was not done; in the language of who asks."""
     assert scene.say("why?").line.text == "Nothing that you asked for has failed so far."
     task = scene.say("take the jar").line.task
-    assert "take the jar" in scene.say("why?").line.text
-    scene.report(task, P.REFUSE, TaskState.FAILED, "no jar has been seen")
-    assert scene.say("why?").line.text == "take the jar: no jar has been seen."
+    assert scene.say("why?").line.text == "You said 'take the jar'. Now: waiting."
+    scene.report(task, P.AGREE, TaskState.WAITING, NEXT)
+    assert scene.say("why?").line.text == "You said 'take the jar'. Now: waiting. I do it next."
+    scene.report(task, P.FAILURE, TaskState.FAILED, fact(Why.NOT_SEEN, "jar"))
+    assert scene.say("why?").line.text == "take the jar: I have not seen the jar."
+    assert scene.say("dlaczego?").line.text == "take the jar: Nie widzę słoika."
 
 
 def test_everything_can_be_cancelled_at_once(scene):
@@ -648,16 +677,15 @@ def test_no_word_releases_a_stopped_robot(scene):
 
 def test_an_act_that_waits_for_an_operator_is_told_until_it_begins(scene):
     """By its path for programs, in words for people; a person who says "go on" hears who can let it begin."""
-
-    def line():
-        return [one for one in scene.shown if isinstance(one, Shown)][-1].tasks[0]
-
     task = scene.say("take the jar").line.task
     scene.report(task, P.AGREE, TaskState.WAITING)
-    scene.co(task, P.INFORM, TaskReport(TaskState.RUNNING, "with the left hand", asks="take jar_1/grasp"))
-    assert line().asks == "take jar_1/grasp"
-    assert line().text == "waits for you: next is 'take jar_1: grasp with the left hand' - `roco step` to go on"
+    scene.co(task, P.INFORM, TaskReport(TaskState.RUNNING, at="take jar_1/grasp", side=Side.LEFT, asks=True))
+    line = scene.line(task)
+    assert line.asks == line.at == "take jar_1/grasp"
+    assert line.text == "waits for you: next is 'take jar_1: grasp with the left hand' - `roco step` to go on"
     assert "roco step" in scene.say("go on").line.text
-    scene.report(task, P.INFORM, TaskState.RUNNING, "take jar_1/grasp")
-    assert (line().asks, line().text) == ("", "take jar_1/grasp")
+    assert "roco step" in scene.say("why?").line.text
+    scene.report(task, P.INFORM, TaskState.RUNNING, at="take jar_1/grasp")
+    line = scene.line(task)
+    assert (line.asks, line.at, line.text) == ("", "take jar_1/grasp", "take jar_1/grasp")
     assert "roco release" in scene.say("go on").line.text

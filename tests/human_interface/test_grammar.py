@@ -251,15 +251,15 @@ def test_a_thing_that_is_not_clear_is_asked_about(sentence, offered):
 )
 def test_a_place_is_only_where_one_was_named(sentence, place):
     """Else it is wherever there is room; several tables are one place, since any of them will do."""
-    assert said(sentence, Context(seen="seen: jar_1, table_1, table_2")) == Act((cmd.PutDown("jar", place),))
+    assert said(sentence, Context(seen=("jar_1", "table_1", "table_2"))) == Act((cmd.PutDown("jar", place),))
 
 
 def test_two_things_of_a_kind_are_told_apart_by_number():
     """Two of a kind can be named once a look around told of both."""
-    found = said("take the jar", Context(seen="seen: jar_1, jar_2, bowl_1"))
+    found = said("take the jar", Context(seen=("jar_1", "jar_2", "bowl_1")))
     assert [option.thing for option in found.options] == ["jar_1", "jar_2"]
     assert "jar 1, jar 2" in found.text
-    assert said("take the bowl", Context(seen="seen: jar_1, jar_2, bowl_1")) == Act((cmd.Take("bowl"),))
+    assert said("take the bowl", Context(seen=("jar_1", "jar_2", "bowl_1"))) == Act((cmd.Take("bowl"),))
 
 
 @pytest.mark.parametrize(

@@ -304,7 +304,14 @@ def pour(seed: int = 1, *, queries: int = 320) -> Run:
     run.wait(3.0)
     command = run.name("hi")
     run.say("hi", "co", P.REQUEST, cmd.PourInto("jar", "bowl"), talk=command, protocol="request")
-    run.say("co", "hi", P.AGREE, cmd.TaskReport(cmd.TaskState.WAITING, (fact(Kind.IS_NEXT),)), talk=command, protocol="request")
+    run.say(
+        "co",
+        "hi",
+        P.AGREE,
+        cmd.TaskReport(cmd.TaskState.WAITING, (fact(Kind.IS_NEXT),)),
+        talk=command,
+        protocol="request",
+    )
     run.wait(0.2)
     network = hfsm.GroundTaskNetwork("co-1-2", (hfsm.Task("pour", ("jar", "bowl")),))
     put = rc.Release("r", Side.RIGHT, "bowl_1", "table_1", Pose(BOWL_END), ())

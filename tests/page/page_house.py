@@ -18,6 +18,8 @@ from agent_runtime.io.run_files import STOP_FILE
 from agent_runtime.testing.wires import Wires
 from companion.binding import wiring
 from companion.languages.cmd import TaskReport, TaskState
+from companion.languages.facts import Kind as Why
+from companion.languages.facts import fact
 from companion.run_files import PAGE_FILE, SLOTS_FILE, PageAddress, Pairing
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
@@ -69,27 +71,26 @@ class House:
         event = turn.event
         if isinstance(event, Received) and event.communicate.performative is P.REQUEST:
             self.asked.append((event.conversation, event.content))
-            turn.say(event.conversation, P.AGREE, TaskReport(TaskState.WAITING, "it is the next one"))
+            turn.say(event.conversation, P.AGREE, TaskReport(TaskState.WAITING, (fact(Why.IS_NEXT),)))
         elif isinstance(event, Received) and event.communicate.performative is P.CANCEL:
             self.cancelled.append(event.conversation)
-            turn.say(
-                event.conversation, P.INFORM, TaskReport(TaskState.CANCELLED, "it had not begun"), kind=Kind.CANCEL
-            )
+            told = TaskReport(TaskState.CANCELLED, (fact(Why.NOT_BEGUN_YET),))
+            turn.say(event.conversation, P.INFORM, told, kind=Kind.CANCEL)
         elif isinstance(event, Local):
             event.content(turn)
         return memory
 
-    def report(self, task, state, text="", steps=(), asks=""):
+    def report(self, task, state, *why, **more):
         """The coordinator reports on a task."""
         kind = P.FAILURE if state is TaskState.FAILED else P.INFORM
         with self._lock:
-            self._wires.post("co", lambda turn: turn.say(task, kind, TaskReport(state, text, steps, asks)))
+            self._wires.post("co", lambda turn: turn.say(task, kind, TaskReport(state, why, **more)))
             self._wires.run_for(0.05)
 
     def running(self, task="hi-1-1", at="take jar_1/grasp", steps=STEPS):
         """A task is under way."""
-        self.report(task, TaskState.RUNNING, "plan 1 takes about 48 s", steps)
-        self.report(task, TaskState.RUNNING, at)
+        self.report(task, TaskState.RUNNING, fact(Why.PLAN_TAKES, 1, 48.0), steps=steps)
+        self.report(task, TaskState.RUNNING, at=at)
 
     @property
     def held(self):

@@ -8,6 +8,7 @@ from playwright.sync_api import expect
 
 from companion.languages import cmd
 from companion.languages.cmd import TaskState
+from companion.languages.facts import Kind, fact
 
 pytestmark = pytest.mark.process
 TOO_OFTEN = 429
@@ -21,7 +22,7 @@ def say(one, text):
 
 def seen(house, *names):
     """Velma has looked around and seen these."""
-    house.report(house.asked[-1][0], TaskState.DONE, f"seen: {', '.join(names)}")
+    house.report(house.asked[-1][0], TaskState.DONE, fact(Kind.SEEN, *names))
 
 
 def test_a_sentence_becomes_a_task_and_its_plan_is_followed(house, opened):
@@ -34,7 +35,7 @@ def test_a_sentence_becomes_a_task_and_its_plan_is_followed(house, opened):
     expect(one.locator("#now")).to_have_text("Pour the content of the jar into the bowl.")
     expect(one.locator("#step")).to_have_text("Step 2 of 3: carry the jar")
     expect(one.locator("#next")).to_have_text("Then: take the bowl")
-    house.report("hi-1-1", TaskState.DONE, "it took 75 s")
+    house.report("hi-1-1", TaskState.DONE, fact(Kind.TOOK, 75.0))
     expect(one.locator("#ended li")).to_have_text("Pour the content of the jar into the bowldone")
     expect(one.locator("#now")).to_have_text("Velma has nothing to do.")
 
@@ -220,7 +221,7 @@ def test_do_this_first_takes_those_behind_it_along(house, opened):
     one.get_by_role("button", name="Do this first: take the jar").click()
     wait_for(lambda: house.cancelled == ["hi-1-2"], "what it replaces is cancelled")
     expect(one.locator("#queue .says")).to_have_text(["Take the jar", "Pour the content of the jar into the bowl"])
-    house.report(house.asked[-1][0], TaskState.FAILED, "no hand is free")
+    house.report(house.asked[-1][0], TaskState.FAILED, fact(Kind.HANDS_FULL))
     expect(one.locator("#queue li")).to_have_count(0)
     assert house.cancelled == ["hi-1-2", "hi-1-3"]
 
@@ -325,8 +326,13 @@ def test_polish(house, opened):
     house.running(at="carry jar_1/move-joint", steps=STEPS)
     expect(one.locator("#now")).to_have_text("Wlej zawartość słoika do miski.")
     expect(one.locator("#step")).to_have_text("Krok 2 z 3: niosę: słoik")
+    say(one, "weź miskę")
+    wait_for(lambda: len(house.asked) == 2, "the second task is asked for")
+    house.report("hi-1-2", TaskState.FAILED, fact(Kind.NO_GRASP, "left", "bowl_1"))
+    expect(one.locator("#ended .why")).to_have_text("Moja lewa ręka nie może wziąć miski z tego miejsca.")
     one.get_by_role("link", name="English").click()
     expect(one.locator("#now")).to_have_text("Pour the content of the jar into the bowl.")
+    expect(one.locator("#ended .why")).to_have_text("My left hand cannot take the bowl where it is.")
     one.goto(one.url.partition("?")[0])
     expect(one.locator("html")).to_have_attribute("lang", "en")
 
@@ -347,7 +353,7 @@ def test_what_happens_is_said_aloud_once_it_is_wanted(house, opened):
     assert one.evaluate("said") == []
     one.get_by_role("button", name="Speak the answers").click()
     house.running(at="take jar_1/grasp")
-    house.report("hi-1-1", TaskState.RUNNING, "take jar_1/move-cartesian")
+    house.report("hi-1-1", TaskState.RUNNING, at="take jar_1/move-cartesian")
     house.report("hi-1-1", TaskState.DONE)
     expect(one.locator("#ended li")).to_have_count(1)
     wait_for(lambda: "Done%3A+take+the+jar" in " ".join(one.evaluate("said")), "its end is said")

@@ -14,6 +14,7 @@ from agent_runtime.io.tap import open_ear
 from companion.autonomy import STEP, Verb, Word
 from companion.design import DESIGN
 from companion.languages.cmd import TaskState
+from companion.languages.values import Side
 
 pytestmark = pytest.mark.process
 GRASP = "take jar_1/grasp"
@@ -40,7 +41,7 @@ def orders(connect, tmp_path):
 
 def waits(house, at=GRASP):
     """The plan of a task waits before this act."""
-    house.report("hi-1-1", TaskState.RUNNING, "with the left hand", asks=at)
+    house.report("hi-1-1", TaskState.RUNNING, at=at, side=Side.LEFT, asks=True)
 
 
 def begun(house, page, cookie):
@@ -64,7 +65,7 @@ def test_the_button_is_there_while_an_act_waits_and_lets_that_one_begin(house, p
     go.click()
     wait_for(lambda: orders, "ta is told")
     assert [one.order for one in orders] == [SetParameter(STEP, str(Word(Verb.GO, GRASP)))]
-    house.report("hi-1-1", TaskState.RUNNING, GRASP)
+    house.report("hi-1-1", TaskState.RUNNING, at=GRASP)
     expect(go).to_have_count(0)
 
 

@@ -6,6 +6,7 @@ from page_house import wait_for
 from playwright.sync_api import expect
 
 from companion.languages.cmd import TaskState
+from companion.languages.facts import Kind, fact
 
 pytestmark = pytest.mark.process
 SMALL = {"width": 360, "height": 640}
@@ -18,8 +19,8 @@ def busy(house, one):
         one.locator("#text").fill(text)
         one.locator("#send").click()
         expect(one.locator("#text")).to_have_value("")
-    house.report("hi-1-1", TaskState.DONE, "seen: bowl_1, jar_1, jar_2")
-    house.report("hi-1-2", TaskState.FAILED, "no grasp of jar_1 with the left hand can be reached and pulled out")
+    house.report("hi-1-1", TaskState.DONE, fact(Kind.SEEN, "bowl_1", "jar_1", "jar_2"))
+    house.report("hi-1-2", TaskState.FAILED, fact(Kind.NO_GRASP, "left", "jar_1"))
     house.running("hi-1-3")
     one.locator("#text").fill("take the container")
     one.locator("#send").click()
@@ -136,6 +137,6 @@ def test_a_status_is_said_once(house, opened):
                 new MutationObserver(() => (changes += 1)).observe(byId(id), { childList: true, subtree: true });
         }"""
     )
-    house.report("hi-1-3", TaskState.RUNNING, "carry jar_1/move-joint")
+    house.report("hi-1-3", TaskState.RUNNING, at="carry jar_1/move-joint")
     expect(one.locator("#step")).to_contain_text("carry the jar")
     assert one.evaluate("changes") == 0

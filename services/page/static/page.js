@@ -64,7 +64,7 @@ function show(view) {
   set("now", view.now);
   set("step", view.step);
   set("next", view.next);
-  set("why", view.active && view.active.why ? fill(words.why, view.active.why) : "");
+  set("why", view.active ? view.active.why : "");
   part("now-acts", view.active, before.active, () => (view.active ? [...goOn(view.active), cancelButton(view.active)] : []));
   part("queue", view.queue, before.queue, () => view.queue.map(waiting));
   part("ended", view.ended, before.ended, () => view.ended.map(ended));
@@ -128,7 +128,7 @@ function waiting(task, place) {
 function ended(task) {
   const item = element("li", "", { className: task.state });
   item.append(element("span", upper(task.says), { className: "says" }), element("span", task.word, { className: "word" }));
-  if (task.why) item.append(element("span", task.why, { className: "why", lang: "en" }));
+  if (task.why) item.append(element("span", task.why, { className: "why" }));
   if (task.unchecked) item.append(element("span", task.unchecked, { className: "why" }));
   return item;
 }

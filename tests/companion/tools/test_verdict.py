@@ -167,7 +167,9 @@ def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
         run.say("co", "hi", P.AGREE, waiting, talk=talk, protocol="request")
         asked = hfsm.GroundTaskNetwork(f"{talk}-plan1", (hfsm.Task("take", ("cup", "")),))
         run.say("co", "pl", P.REQUEST, asked, talk=network, protocol="request")
-        run.say("pl", "co", P.REFUSE, hfsm.NoPlan(asked.id, (fact(Kind.NOT_SEEN, "cup"),)), talk=network, protocol="request")
+        run.say(
+            "pl", "co", P.REFUSE, hfsm.NoPlan(asked.id, (fact(Kind.NOT_SEEN, "cup"),)), talk=network, protocol="request"
+        )
         failed = cmd.TaskReport(cmd.TaskState.FAILED, (fact(Kind.NOT_SEEN, "cup"),))
         run.say("co", "hi", P.INFORM, failed, talk=talk, protocol="request")
     else:
