@@ -143,7 +143,7 @@ def _done(fleet: WatchedFleet, command: Command) -> dict[str, Any]:
     began = time.monotonic()
     task = fleet.say(command.say).task
     found: dict[str, Any] = {"say": command.say, "then": command.then}
-    if command.at and fleet.reach(task, lambda state, text, truth: command.at in text):
+    if command.at and fleet.reach(task, lambda line, truth: command.at in line.at):
         found["interrupted"] = True
         found |= _interrupted(fleet, task, command.then)
     line = fleet.ended(task)

@@ -44,7 +44,7 @@ class Cell:
     def __init__(self, fleet: WatchedFleet, victim: str, fault: str) -> None:
         self.fleet, self.victim, self.fault = fleet, victim, fault
         self.pour = fleet.say(POUR).task
-        if not fleet.reach(self.pour, lambda state, text, truth: AT in text):
+        if not fleet.reach(self.pour, lambda line, truth: AT in line.at):
             raise NotSeenError(f"the pour ended before {AT}: {fleet.line(self.pour).text}")
 
     def run(self, phase: str) -> str:

@@ -21,6 +21,7 @@ import tables
 import typer
 from watched_fleet import ENDED, NotSeenError, WatchedFleet, held, unsafe
 
+from companion.run_files import TaskLine
 from operate.cli.errors import ConsoleError
 from velma.sim.truth import Truth
 
@@ -28,11 +29,11 @@ PAGE = Path(__file__).parents[1] / "docs/scheduling.md"
 BEGIN, END = "<!-- interruptions: python benchmarks/interruptions.py --table -->\n", "<!-- /interruptions -->\n"
 POUR = "pour the content of the jar into the bowl"
 SAFE_S = 25.0  # simulated; what is wanted
-Moment = Callable[[str, str, Truth], bool]
+Moment = Callable[[TaskLine, Truth], bool]
 
 
-def _at(words: str, also: Callable[[Truth], bool] = lambda truth: True) -> Moment:
-    return lambda state, text, truth: words in text and also(truth)
+def _at(path: str, also: Callable[[Truth], bool] = lambda truth: True) -> Moment:
+    return lambda line, truth: path in line.at and also(truth)
 
 
 def _jar(truth: Truth, least: int, most: int = 99) -> bool:
@@ -40,7 +41,7 @@ def _jar(truth: Truth, least: int, most: int = 99) -> bool:
 
 
 PHASES: dict[str, Moment] = {
-    "searching": lambda state, text, truth: state == "planning",
+    "searching": lambda line, truth: line.state == "planning",
     "approaching": _at("take jar_1/move-joint"),
     "closing": _at("take jar_1/grasp", lambda truth: _jar(truth, 1)),
     "jar lifted": _at("take jar_1/move-cartesian", lambda truth: _jar(truth, 3)),
@@ -48,7 +49,7 @@ PHASES: dict[str, Moment] = {
     "bowl grasped": _at("take bowl_1/grasp", lambda truth: _jar(truth, 3)),
     "putting down": _at("place bowl_1/release", lambda truth: "bowl_1" in held(truth)),
     "between plans": _at("look at bowl_1"),
-    "replanning": lambda state, text, truth: state == "planning" and text.startswith("plan 2"),
+    "replanning": lambda line, truth: line.state == "planning" and any(one.numbers[:1] == (2.0,) for one in line.why),
     "tilting": _at("/pour", lambda truth: 30.0 < truth.tilt_deg["jar_1"] < 90.0 and not truth.grains_in["bowl_1"]),
     "mid-pour": _at("/pour", lambda truth: truth.tilt_deg["jar_1"] > 90.0 and truth.grains_in["bowl_1"] > 0),
     "returning": _at("/pour", lambda truth: truth.tilt_deg["jar_1"] < 80.0 and truth.grains_in["bowl_1"] > 0),

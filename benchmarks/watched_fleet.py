@@ -80,12 +80,12 @@ class WatchedFleet:
         self.wait(lambda: self.line(task).state in ENDED, f"the end of {task}", TASK_S)
         return self.line(task)
 
-    def reach(self, task: str, there: Callable[[str, str, Truth], bool]) -> bool:
-        """Wait for a moment of a task (state, text, truth); False where the task ended before."""
+    def reach(self, task: str, there: Callable[[TaskLine, Truth], bool]) -> bool:
+        """Wait for a moment of a task; False where the task ended before."""
 
         def now() -> bool:
             line = self.line(task)
-            return line.state in ENDED or there(line.state, line.text, self.truth())
+            return line.state in ENDED or there(line, self.truth())
 
         self.wait(now, "the moment", TASK_S)
         return self.line(task).state not in ENDED

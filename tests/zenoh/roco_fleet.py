@@ -20,6 +20,7 @@ from agent_runtime.core.step import OUTSIDE
 from agent_runtime.io.heartbeat import Heartbeat
 from agent_runtime.io.sessions import client_config
 from companion.languages import rc
+from companion.languages.facts import Facts, Kind
 from companion.run_files import SLOTS_FILE, TaskLine
 from companion.tools.system import SYSTEM
 from companion.tools.verbs.hi import Hi, address
@@ -44,16 +45,21 @@ T = TypeVar("T")
 
 
 class Moment(msgspec.Struct, frozen=True):
-    """State of a run: the open task's words (where its plan is), the truth, the loop's report."""
+    """State of a run: where the plan of the open task is and what is told of it, the truth, the loop's report."""
 
-    text: str
+    at: str
+    why: Facts
     truth: Truth
     state: LoopState
     told: Told
 
     def moving(self, act: str) -> bool:
         """Whether the plan is in this act and the robot carries it out."""
-        return self.text.endswith(act) and self.told.report.phase is Phase.RUNNING
+        return self.at.endswith(act) and self.told.report.phase is Phase.RUNNING
+
+    def planned(self) -> bool:
+        """Whether a plan is made, or was made and has not begun."""
+        return any(one.kind in (Kind.PLAN, Kind.PLAN_TAKES) for one in self.why)
 
     def held(self, thing: str, side: str) -> bool:
         """Whether this hand truly holds it."""
@@ -152,7 +158,7 @@ class RocoFleet:
         def there() -> bool:
             line = self.task(task)
             assert line.state not in ENDED, line
-            return point(Moment(line.text, self.truth(), self.state(), self.link.told()))
+            return point(Moment(line.at, line.why, self.truth(), self.state(), self.link.told()))
 
         self.wait(there, "the point was reached", within_s)
 

@@ -18,7 +18,7 @@ JAR_AT = (0.85, 0.37, 1.28)  # on its shelf, but for the seed's variation
 
 def searching(now: Moment) -> bool:
     """The planner searches."""
-    return now.text.startswith("plan ")
+    return now.planned()
 
 
 def hand_in_the_cabinet(now: Moment) -> bool:
@@ -30,7 +30,7 @@ def hand_in_the_cabinet(now: Moment) -> bool:
 
 def just_closed(now: Moment) -> bool:
     """The fingers are locked around the jar, which stands on its shelf."""
-    return now.told.report.left.locked and now.text.endswith("take jar_1/grasp")
+    return now.told.report.left.locked and now.at.endswith("take jar_1/grasp")
 
 
 def half_out(now: Moment) -> bool:

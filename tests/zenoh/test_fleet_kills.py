@@ -13,7 +13,7 @@ pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(300)]
 
 def searching(now: Moment) -> bool:
     """The planner searches."""
-    return now.text.startswith("plan ")
+    return now.planned()
 
 
 def acting(now: Moment) -> bool:

@@ -70,15 +70,14 @@ def person(facts: Iterable[Fact], language: str) -> str:
     return " ".join(dict.fromkeys(_sentences(facts, Reader(language))))
 
 
-<<<<<<< HEAD
 def claimed(claim: Claim, of: str) -> str:
     """Return a claim about a thing in the operator's words."""
     return catalogue(Reader.OPERATOR).claim[claim].format(a=_thing(of, Reader.OPERATOR))
-=======
+
+
 def state(name: str, language: str) -> str:
     """Return the state of a task for a person, in "en" or "pl"; one that is not known as it is."""
     return catalogue(Reader(language)).state.get(name, name)
->>>>>>> facts-c
 
 
 def thing(name: str, reader: Reader, form: int = 0) -> str:
