@@ -3,6 +3,7 @@
 Programs decide by kinds and parts. Sentences are made where a person reads them (companion.sentences).
 """
 
+import re
 from enum import StrEnum
 from typing import Self
 
@@ -125,6 +126,7 @@ class Kind(StrEnum):
     MET_SOMETHING = "met-something", "side a x:m"  # above the place of the thing
     NO_OPENING = "no-opening", "a"
     INTO_ITSELF = "into-itself", "a"
+    NO_KNOWN_GRASP = "no-known-grasp", "a"
     # The body
     NOT_FOLLOWED = "not-followed", "w:part x:rad"
     FINGER_NOT_FOLLOWED = "finger-not-followed", "side x:number y:rad"
@@ -233,7 +235,7 @@ def fact(kind: Kind, *parts: "str | float | Fact | Facts") -> Fact:
             reasons, given = _flat(given), []
         elif name == "things":
             while given and isinstance(given[0], str):
-                things.append(given.pop(0))
+                things.append(_name(given.pop(0)))
         elif not given:
             raise ValueError(f"{kind} needs {' '.join(kind.parts)}, got {parts}")
         elif name == "side":
@@ -241,7 +243,7 @@ def fact(kind: Kind, *parts: "str | float | Fact | Facts") -> Fact:
         elif name in "xy":
             numbers.append(_short(given.pop(0)))
         else:
-            (things if name in "ab" else words).append(str(given.pop(0)))
+            (things if name in "ab" else words).append(_name(given.pop(0)))
     if given:
         raise ValueError(f"{kind} takes {' '.join(kind.parts) or 'no parts'}, got {parts}")
     return Fact(kind, tuple(things), side, tuple(numbers), tuple(words), reasons)
@@ -249,6 +251,11 @@ def fact(kind: Kind, *parts: "str | float | Fact | Facts") -> Fact:
 
 def _flat(parts: list["str | float | Fact | Facts"]) -> Facts:
     return tuple(one for part in parts for one in ((part,) if isinstance(part, Fact) else part))  # type: ignore[misc,union-attr]
+
+
+def _name(word: object) -> str:
+    """A word as it can be read (Of): a person may have used other letters, and blanks."""
+    return re.sub(r"[^!-~]", "_", str(word))[:64]
 
 
 def _short(number: object) -> float:
