@@ -1,34 +1,39 @@
 """One pure function for each kind of query of WM: a scene and a query give an answer (paper, section 5.4).
 
 `ANSWERS` is the table: query class -> function; a test compares it with the design's interface. Only observations,
-object models, grasps and the reach of the arms are known. For all else the answer is Unknown with a reason. Must not
-know: stores, conversations, who asks.
+object models, grasps and the reach of the arms are known. For all else the answer is Unknown, and why. Must not know:
+stores, conversations, who asks.
 """
 
 from collections.abc import Callable, Iterable
 from typing import Any
 
 from companion.languages import wm
+from companion.languages.facts import Fact, Kind, fact
+from companion.languages.facts import fitting as short
 from companion.languages.values import Pose
-from companion.models import GRASPS, MODELS, REACH, Model, fitting
+from companion.models import GRASPS, REACH, Model, fitting
 from services.knowledge import geometry
 from services.knowledge.extents import cells, extent
 from services.knowledge.ontology import below, is_kind
-from services.knowledge.overlays import Overlays, unknown_state
+from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene, Thing
 from services.knowledge.store import Store
 
 CONTENT = ".content"
 """`jar_1.content` is the name of what was in jar_1."""
+LARGEST_WHY = (
+    300  # bytes of what is told why: 500 hold it with its envelope; without it go the names of very many things
+)
 _WORLD = Pose((0.0, 0.0, 0.0))
 
 
 class _NotKnown(Exception):
     """Raised with the answer Unknown."""
 
-    def __init__(self, reason: str) -> None:
-        self.answer = wm.Unknown(reason)
-        super().__init__(reason)
+    def __init__(self, *why: Fact) -> None:
+        self.answer = wm.Unknown(short(why, LARGEST_WHY))
+        super().__init__(*(one.kind for one in why))
 
 
 def answer(store: Store, query: wm.AnyQuery, overlays: Overlays | None = None) -> wm.AnyAnswer:
@@ -44,7 +49,7 @@ def ask(observed: Scene, overlays: Overlays, query: wm.AnyQuery) -> tuple[Overla
         return overlays.drop(query.prefix), wm.Made(query.prefix)
     scene = overlays.scene(query.state, observed)
     if scene is None:
-        return overlays, unknown_state(query.state)
+        return overlays, wm.UnknownState(query.state)
     try:
         return overlays, ANSWERS[type(query)](scene, query)
     except _NotKnown as unknown:
@@ -53,7 +58,7 @@ def ask(observed: Scene, overlays: Overlays, query: wm.AnyQuery) -> tuple[Overla
 
 def _list_objects(scene: Scene, query: wm.ListObjects) -> wm.AnyAnswer:
     if query.kind and query.kind not in below():
-        raise _NotKnown(f"no class {query.kind!r} in the ontology; its classes are {', '.join(sorted(below()))}")
+        raise _NotKnown(fact(Kind.UNKNOWN_TO_KM, query.kind))
     return _objects(t for t in scene.things.values() if not query.kind or is_kind(t.kind, query.kind))
 
 
@@ -65,7 +70,7 @@ def _object_pose(scene: Scene, query: wm.ObjectPose) -> wm.AnyAnswer:
 def _object_origin(scene: Scene, query: wm.ObjectOrigin) -> wm.AnyAnswer:
     thing = _thing(scene, query.object)
     if thing.origin is None:
-        raise _NotKnown(f"where {thing.id} stood before is not known: no hand took it from a place where it was seen")
+        raise _NotKnown(fact(Kind.FIRST_PLACE_UNKNOWN, thing.id))
     return wm.PoseOf(thing.id, thing.origin.pose, exact=True, on=thing.origin.on)
 
 
@@ -86,7 +91,7 @@ def _hole(scene: Scene, query: wm.ObjectHole) -> wm.AnyAnswer:
     thing = _thing(scene, query.object)
     hole = _model(thing).hole
     if hole is None:
-        raise _NotKnown(f"{thing.id!r} (model {thing.model}) has no opening")
+        raise _NotKnown(fact(Kind.NO_OPENING, thing.id))
     return wm.Hole(thing.id, hole.centre, hole.radius, hole.axis)
 
 
@@ -112,7 +117,7 @@ def _current_grasp(scene: Scene, query: wm.CurrentGrasp) -> wm.AnyAnswer:
 def _grasp_at_side(scene: Scene, query: wm.GraspAtSide) -> wm.AnyAnswer:
     held = scene.hands.get(query.side)
     if held is None:
-        raise _NotKnown(f"what the {query.side.value} hand holds was never observed")
+        raise _NotKnown(fact(Kind.UNKNOWN_TO_KM, f"{query.side}_hand"))
     return wm.GraspOf(held.object, query.side, held.grasp, held.pose)
 
 
@@ -125,7 +130,7 @@ def _grasp_definition(scene: Scene, query: wm.GraspDefinition) -> wm.AnyAnswer:
     thing = _thing(scene, query.object)
     found = tuple(grasp for grasp in _grasps(thing) if grasp.id == query.grasp)
     if not found:
-        raise _NotKnown(f"model {thing.model} has no grasp {query.grasp!r}; there are {len(_grasps(thing))} others")
+        raise _NotKnown(fact(Kind.UNKNOWN_TO_KM, query.grasp))
     return wm.Grasps(thing.id, found)
 
 
@@ -173,7 +178,7 @@ def _reach(scene: Scene, query: wm.RobotReach) -> wm.AnyAnswer:
 
 def _holds(scene: Scene, query: wm.Holds) -> wm.AnyAnswer:
     if query.relation not in list(wm.Relation):
-        raise _NotKnown(f"no relation {query.relation!r}; there are {', '.join(wm.Relation)}")
+        raise _NotKnown(fact(Kind.UNKNOWN_TO_KM, query.relation))
     if query.relation == wm.Relation.IS_IN and query.subject.endswith(CONTENT):
         source = _thing(scene, query.subject.removesuffix(CONTENT)).id
         return wm.Truth(_among(scene.contents.get(source, ""), query.value))
@@ -209,27 +214,28 @@ def _thing(scene: Scene, name: str) -> Thing:
             return known
     for thing, lost in scene.lost.items():
         if name in (thing, lost.kind.lower()):
-            how = f"{thing} is not where it was" if lost.side is None else f"{thing} was lost by the {lost.side} hand"
-            why = "" if lost.side is not None else ": it was taken away, covered or turned over"
-            raise _NotKnown(f"{how}, and has not been seen since{why}; a person is needed")
-    raise _NotKnown(f"no {name} has been seen (seen so far: {', '.join(sorted(scene.things)) or 'nothing'})")
+            if lost.side is None:
+                raise _NotKnown(fact(Kind.NOT_SEEN_SINCE, thing))
+            raise _NotKnown(fact(Kind.LOST_SINCE, lost.side, thing))
+    seen = fact(Kind.SEEN, *sorted(scene.things)) if scene.things else fact(Kind.SEEN_NOTHING)
+    raise _NotKnown(fact(Kind.NOT_SEEN, name), seen)
 
 
 def _model(thing: Thing) -> Model:
     if thing.known is None:
-        raise _NotKnown(f"model {thing.model!r} of {thing.id!r} is unknown; models are {', '.join(sorted(MODELS))}")
+        raise _NotKnown(fact(Kind.UNKNOWN_TO_KM, thing.model))
     return thing.known
 
 
 def _grasps(thing: Thing) -> tuple[wm.GraspDef, ...]:
     if thing.model not in GRASPS:
-        raise _NotKnown(f"no grasp is known for model {thing.model!r} of {thing.id!r}")
+        raise _NotKnown(fact(Kind.NO_KNOWN_GRASP, thing.id))
     return GRASPS[thing.model]
 
 
 def _joints(scene: Scene, part: str) -> wm.Configuration:
     if part not in scene.joints:
-        raise _NotKnown(f"the posture of {part} was never observed")
+        raise _NotKnown(fact(Kind.UNKNOWN_TO_KM, part))
     return wm.Configuration(scene.joints[part])
 
 

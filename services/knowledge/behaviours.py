@@ -12,12 +12,14 @@ from agent_runtime.core.agent import Agent, Taken
 from agent_runtime.core.events import Broken, PeerChanged, Received, Started, Woken
 from agent_runtime.core.streams import parse_observation
 from agent_runtime.core.turn import Turn
+from companion import sentences
 from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import wm
+from companion.languages.facts import Facts, Kind, fact, fitting
 from fipa_codec.performatives import Performative
 from services.knowledge import words
-from services.knowledge.answers import ask
+from services.knowledge.answers import LARGEST_WHY, ask
 from services.knowledge.memory import CONDITIONS, Memory, Mirror, News, Question
 from services.knowledge.observe import forgotten, observed
 from services.knowledge.overlays import Overlays
@@ -26,6 +28,7 @@ from services.knowledge.words import OBSERVATIONS, OBSERVER, QUERIES
 HELD_S = 5.0  # estimate: a look around takes 5 s, so that most questions are put off once at most
 ALONE_S = 20.0  # estimate: an observer that died is restarted within seconds
 AGAIN_S = 1.0  # after a subscription was declined; estimate
+LONGEST = 500  # characters of a query in the log; estimate: the changes of a step are longer
 HELD, ALONE, SUBSCRIBE_AGAIN = "held", "alone", "subscribe again"
 
 
@@ -77,7 +80,7 @@ def _woken(memory: Memory, turn: Turn, name: str) -> Memory:
     if name == HELD and memory.patient:
         return _soft(memory, held=True)
     if name == ALONE and memory.patient:
-        return replace(memory, patient=False, blind=f"{OBSERVER}, which has the robot look, is not there")
+        return replace(memory, patient=False, blind=(fact(Kind.OBSERVER_AWAY),))
     return memory
 
 
@@ -85,7 +88,7 @@ def _hopeful(memory: Memory, turn: Turn) -> Memory:
     """Wait for a look around: until its end, or for a while without an observer."""
     turn.wake(HELD, turn.now + HELD_S)
     turn.wake(ALONE, turn.now + ALONE_S)
-    return replace(memory, patient=True, blind="")
+    return replace(memory, patient=True, blind=())
 
 
 def _met(memory: Memory, turn: Turn, incarnation: int) -> Memory:
@@ -139,6 +142,11 @@ def answer_question(memory: Memory, turn: Turn) -> Memory:
     overlays, said = answer(memory, question.query)
     if memory.patient:
         turn.wake(HELD, turn.now + HELD_S)
+    if isinstance(said, wm.UnknownState):
+        turn.log("no such hypothetical state", conversation=question.conversation, state=said.id)
+    elif isinstance(said, wm.Unknown) and not said.later:
+        asked = str(question.query)[:LONGEST]
+        turn.log("not known", conversation=question.conversation, asked=asked, why=sentences.operator(said.why))
     words.answer(turn, question, said)
     return _soft(memory, overlays=overlays, question=None, held=False)
 
@@ -148,7 +156,8 @@ def answer(memory: Memory, query: wm.AnyQuery) -> tuple[Overlays, wm.AnyAnswer]:
     if memory.patient:
         return memory.soft.overlays, words.NOT_YET
     if memory.blind and not memory.scene.things and isinstance(query, wm.ListObjects):
-        return memory.soft.overlays, wm.Unknown(f"nothing has been looked at: {memory.blind}")
+        why = fact(Kind.NOT_LOOKED_AROUND, fitting(memory.blind, LARGEST_WHY))
+        return memory.soft.overlays, wm.Unknown((why,))
     return ask(memory.scene, memory.soft.overlays, query)
 
 
@@ -157,7 +166,7 @@ def save_knowledge(memory: Memory, turn: Turn) -> Memory:
     news = memory.soft.news
     assert news is not None
     if isinstance(news.observation, wm.NothingSeen):
-        return _soft(_looked_around(memory, turn, news.observation.reason), news=None)
+        return _soft(_looked_around(memory, turn, news.observation.why), news=None)
     if isinstance(news.observation, wm.WorldLost):
         return _soft(_forgotten(memory, turn, news), news=None)
     if isinstance(news.observation, wm.SeenBody):  # the last observation of a look
@@ -177,12 +186,12 @@ def _forgotten(memory: Memory, turn: Turn, news: News) -> Memory:
     return _hopeful(_soft(replace(memory, scene=scene), overlays=Overlays()), turn)
 
 
-def _looked_around(memory: Memory, turn: Turn, failed: str = "") -> Memory:
+def _looked_around(memory: Memory, turn: Turn, failed: Facts = ()) -> Memory:
     """End the wait for a look around; a failure after a success changes nothing."""
     turn.unwake(HELD)
     turn.unwake(ALONE)
     if not failed:
-        return replace(memory, patient=False, blind="")
+        return replace(memory, patient=False, blind=())
     return replace(memory, patient=False, blind=failed) if memory.patient else memory
 
 

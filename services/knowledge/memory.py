@@ -3,6 +3,7 @@
 import msgspec
 
 from companion.languages import wm
+from companion.languages.facts import Facts
 from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene
 
@@ -43,7 +44,7 @@ class Memory(msgspec.Struct, frozen=True):
 
     scene: Scene = Scene()
     patient: bool = True
-    blind: str = ""
+    blind: Facts = ()
     soft: Soft = Soft()
 
 

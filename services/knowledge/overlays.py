@@ -5,11 +5,10 @@ effect. Their number is bounded; the oldest is dropped first, and a query for a 
 All are immutable values: making and dropping return a new `Overlays`. Must not know: the store.
 """
 
-from typing import Any
-
 import msgspec
 
 from companion.languages import wm
+from companion.languages.facts import Fact, Kind, fact
 from services.knowledge.relations import related
 from services.knowledge.scene import PARTS, Held, Scene
 
@@ -18,11 +17,11 @@ LARGEST = 1024
 
 
 class Impossible(Exception):
-    """A change that cannot be made; `reason` in words for pl."""
+    """A change that cannot be made, and why."""
 
-    def __init__(self, reason: str) -> None:
-        self.reason = reason
-        super().__init__(reason)
+    def __init__(self, why: Fact) -> None:
+        self.why = (why,)
+        super().__init__(why.kind)
 
 
 class Hypothesis(msgspec.Struct, frozen=True):
@@ -49,18 +48,18 @@ class Overlays(msgspec.Struct, frozen=True):
     def make(self, query: wm.HypotheticalState, observed: Scene) -> "tuple[Overlays, wm.AnyAnswer]":
         """Make a state, unless the same query has made it already; return the overlays and the answer."""
         if query.id == "":
-            return self, wm.Unknown('a hypothetical state needs an id; "" is the world as observed')
+            return self, wm.Unknown((fact(Kind.UNKNOWN_TO_KM, "id"),))  # "" is the world as observed
         known = self.states.get(query.id)
         if known is not None:
             same = (known.parent, known.changes) == (query.state, query.changes)
-            return self, wm.Made(query.id) if same else wm.Unknown(f"state {query.id!r} was made by other changes")
+            return self, wm.Made(query.id) if same else wm.Unknown((fact(Kind.UNKNOWN_TO_KM, query.id),))
         parent = self.scene(query.state, observed)
         if parent is None:
-            return self, unknown_state(query.state)
+            return self, wm.UnknownState(query.state)
         try:
             scene = changed(parent, query.changes)
         except Impossible as error:
-            return self, wm.Unknown(error.reason)
+            return self, wm.Unknown(error.why)
         return self._with(query.id, Hypothesis(query.state, query.changes, scene)), wm.Made(query.id)
 
     def drop(self, prefix: str) -> "Overlays":
@@ -73,11 +72,6 @@ class Overlays(msgspec.Struct, frozen=True):
         for oldest in list(states)[: max(0, len(states) - self.largest)]:
             del states[oldest]
         return msgspec.structs.replace(self, states=states)
-
-
-def unknown_state(id: str) -> wm.UnknownState:
-    """Return the answer to a query for a state that does not exist."""
-    return wm.UnknownState(id, f"no hypothetical state {id!r}: never made, dropped, or lost by a restart")
 
 
 def changed(scene: Scene, changes: tuple[wm.AnyChange, ...]) -> Scene:
@@ -100,7 +94,7 @@ def _changed(scene: Scene, change: wm.AnyChange) -> Scene:
             return related(scene.with_hand(side, Held()), 0.0, before)
         case wm.Configured(part=part, q=q):
             if len(q) != PARTS.get(part):
-                raise Impossible(f"part {part!r} with {len(q)} joints; parts are {_words(PARTS)}")
+                raise Impossible(fact(Kind.UNKNOWN_TO_KM, part))
             return msgspec.structs.replace(scene, joints={**scene.joints, part: q})
         case wm.Reserved(name=name, volume=None):
             return msgspec.structs.replace(scene, reserved={k: v for k, v in scene.reserved.items() if k != name})
@@ -125,10 +119,4 @@ def _moved(scene: Scene, change: wm.Moved) -> Scene:
 
 def _require(scene: Scene, name: str) -> None:
     if name not in scene.things:
-        raise Impossible(
-            f"object {name!r} was never observed; observed are {', '.join(sorted(scene.things)) or 'none'}"
-        )
-
-
-def _words(table: dict[str, Any]) -> str:
-    return ", ".join(f"{name} ({value})" for name, value in table.items())
+        raise Impossible(fact(Kind.NOT_SEEN, name))

@@ -5,12 +5,13 @@ from typing import get_args
 from agent_runtime.core.turn import Turn
 from companion.design import AgentName
 from companion.languages import wm
+from companion.languages.facts import Kind, fact
 from fipa_codec.performatives import Performative
 from services.knowledge.memory import Question
 
 OBSERVER = AgentName.TA
 QUERIES, OBSERVATIONS = get_args(wm.AnyQuery), get_args(wm.AnyObservation)
-NOT_YET = wm.Unknown("the look around is not over", later=True)
+NOT_YET = wm.Unknown((fact(Kind.LOOK_NOT_OVER),), later=True)
 
 
 def answer(turn: Turn, question: Question, said: wm.AnyAnswer) -> None:

@@ -13,11 +13,11 @@ from agent_runtime.core.turn import Turn
 from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import hfsm, wm
+from companion.languages.facts import Fact, Kind, fact
 from fipa_codec.performatives import Performative
 from services.planner import local, words
 from services.planner.local import Answer, Ask, Begin, Died, Found, NotFound, Stop
 from services.planner.memory import CONDITIONS, Memory, Problem, Soft
-from services.planner.words import ANSWER_WITHIN_S
 
 ATTEMPTS = "attempts"
 """Parameter of the design: after how many searches that km broke off a problem has no plan."""
@@ -84,8 +84,8 @@ def initialize_problem(memory: Memory, turn: Turn) -> Memory:
     if memory.cancelled:
         return memory
     match turn.event:
-        case Received(content=wm.Unknown(later=True, reason=reason), conversation=name) if name == memory.soft.question:
-            return _no_plan(replace(memory, soft=Soft()), reason, later=True)
+        case Received(content=wm.Unknown(later=True, why=why), conversation=name) if name == memory.soft.question:
+            return _no_plan(replace(memory, soft=Soft()), *why, later=True)
         case Received(conversation=name) if name == memory.soft.question:
             return replace(memory, ready=True, soft=Soft())
         case Started():
@@ -96,7 +96,7 @@ def initialize_problem(memory: Memory, turn: Turn) -> Memory:
 
 def _begin_again(memory: Memory, turn: Turn) -> Memory:
     if memory.begun >= turn.parameter(ATTEMPTS, int):
-        return _no_plan(memory, f"km lost the hypothetical states of {memory.begun} searches")
+        return _no_plan(memory, fact(Kind.STATES_LOST))
     return _drop(replace(memory, ready=False, begun=memory.begun + 1, soft=Soft()), turn)
 
 
@@ -114,16 +114,17 @@ def _unanswered(memory: Memory, turn: Turn) -> Memory:
     """Give up if km has not answered in time."""
     match turn.event:
         case Late(conversation=name) if name == memory.soft.question:
-            return _no_plan(memory, f"km does not answer (waited {ANSWER_WITHIN_S:g} s)")
+            return _no_plan(memory, fact(Kind.NOT_ANSWERED, AgentName.KM))
         case Broken(conversation=name, reason=reason) if name == memory.soft.question:
-            return _no_plan(memory, f"km cannot be asked: {reason}")
+            turn.log("question broke", reason=reason)
+            return _no_plan(memory, fact(Kind.BROKE_OFF, AgentName.KM))
         case _:
             return memory
 
 
-def _no_plan(memory: Memory, reason: str, *, later: bool = False, rejected: tuple[hfsm.Rejected, ...] = ()) -> Memory:
+def _no_plan(memory: Memory, *why: Fact, later: bool = False, rejected: tuple[hfsm.Rejected, ...] = ()) -> Memory:
     assert memory.problem is not None
-    return replace(memory, result=hfsm.NoPlan(memory.problem.network.id, reason, later, rejected))
+    return replace(memory, result=hfsm.NoPlan(memory.problem.network.id, why, later, rejected))
 
 
 # --- search -----------------------------------------------------------------------------------------------------------
@@ -143,10 +144,11 @@ def search_plan(memory: Memory, turn: Turn) -> Memory:
             return _answered(memory, turn, content)
         case Local(content=Found(attempt=attempt, plan=plan)) if attempt == memory.attempt:
             return replace(memory, result=plan)
-        case Local(content=NotFound(attempt=attempt, reason=reason) as ended) if attempt == memory.attempt:
-            return _no_plan(memory, reason, rejected=ended.rejected)
+        case Local(content=NotFound(attempt=attempt, why=why) as ended) if attempt == memory.attempt:
+            return _no_plan(memory, *why, rejected=ended.rejected)
         case Local(content=Died(reason=reason)):
-            return _no_plan(memory, f"the search ended unexpectedly: {reason}")
+            turn.log("search ended", reason=reason)
+            return _no_plan(memory, fact(Kind.ENDED, "search"))
         case Started():
             return replace(memory, soft=Soft(lost=True))
         case _:
@@ -162,7 +164,7 @@ def _searching(memory: Memory, turn: Turn) -> Memory:
 
 def _answered(memory: Memory, turn: Turn, content: wm.AnyAnswer) -> Memory:
     if isinstance(content, wm.Unknown) and content.later:
-        return _no_plan(replace(memory, soft=Soft()), content.reason, later=True)
+        return _no_plan(replace(memory, soft=Soft()), *content.why, later=True)
     if isinstance(content, wm.UnknownState):
         turn.log("hypothesis lost", level="warning", state=content.id)
         return replace(memory, soft=Soft(lost=True))

@@ -6,6 +6,7 @@ A message names the attempt it belongs to: what a killed process had said before
 import msgspec
 
 from companion.languages import hfsm, wm
+from companion.languages.facts import Facts
 
 
 class Message(msgspec.Struct, frozen=True, tag=True):
@@ -46,7 +47,7 @@ class Found(Message, frozen=True):
 class NotFound(Message, frozen=True, omit_defaults=True):
     """No plan was found, and why; `rejected`: what was tried."""
 
-    reason: str
+    why: Facts
     rejected: tuple[hfsm.Rejected, ...] = ()
 
 

@@ -31,4 +31,4 @@ def serve(link: Link) -> None:
 def _result(attempt: int, found: hfsm.HierarchicalPlan | hfsm.NoPlan) -> Found | NotFound:
     if isinstance(found, hfsm.HierarchicalPlan):
         return Found(attempt, found)
-    return NotFound(attempt, found.reason, found.rejected)
+    return NotFound(attempt, found.why, found.rejected)

@@ -2,7 +2,7 @@
 
 from agent_runtime.core.turn import Turn
 from companion.design import AgentName
-from companion.languages import hfsm, wm
+from companion.languages import facts, hfsm, wm
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from services.planner.memory import Problem
@@ -27,7 +27,8 @@ def tell(turn: Turn, problem: Problem, result: hfsm.HierarchicalPlan | hfsm.NoPl
 
 def cancelled(turn: Turn, conversation: str, network: str) -> None:
     """Answer a cancel; the conversation ends."""
-    turn.say(conversation, Performative.INFORM, hfsm.NoPlan(network, "cancelled"), kind=Kind.CANCEL)
+    why = (facts.fact(facts.Kind.CANCELLED),)
+    turn.say(conversation, Performative.INFORM, hfsm.NoPlan(network, why), kind=Kind.CANCEL)
 
 
 # --- to km ------------------------------------------------------------------------------------------------------------

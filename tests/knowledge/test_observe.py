@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.languages import wm
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side, Uncertainty
 from services.knowledge.answers import ask
 from services.knowledge.observe import observed, subject_of
@@ -87,8 +88,7 @@ def test_a_missing_thing_is_nowhere_until_it_is_seen_again() -> None:
     scene = scene_of(bowl, wm.MissingObject("bowl_1"), wm.MissingObject("bowl_1"))
     assert "bowl_1" not in scene.things
     _, told = ask(scene, Overlays(), wm.ObjectPose(object="bowl"))
-    why = "it was taken away, covered or turned over; a person is needed"
-    assert told == wm.Unknown(f"bowl_1 is not where it was, and has not been seen since: {why}")
+    assert told == wm.Unknown((fact(Kind.NOT_SEEN_SINCE, "bowl_1"),))
     assert "bowl_1" in observed(scene, bowl, (1, 9)).things
 
 

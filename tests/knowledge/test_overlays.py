@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.languages import wm
+from companion.languages.facts import Fact, Kind, fact
 from companion.languages.values import Box, Pose, Side
 from services.knowledge.answers import ask
 from services.knowledge.observe import observed
@@ -101,7 +102,7 @@ def test_made_twice_is_made_once(story: list[tuple[wm.AnyChange, ...]]) -> None:
     other = wm.HypotheticalState(id="p", changes=(*story[0], wm.Released(Side.LEFT)))
     kept, answer = ask(WORLD, once, other)
     assert kept is once
-    assert isinstance(answer, wm.Unknown)
+    assert answer == wm.Unknown((fact(Kind.UNKNOWN_TO_KM, "p"),))
 
 
 def test_dropping_forgets_what_begins_so_and_nothing_else() -> None:
@@ -122,8 +123,7 @@ def test_a_state_that_is_gone_is_told_by_a_type_of_its_own() -> None:
     """Every kind of query names it, and a child cannot be made of it."""
     for query in every_query("nowhere"):
         answer = ask(WORLD, Overlays(), query)[1]
-        assert isinstance(answer, wm.UnknownState)
-        assert answer.id == "nowhere"
+        assert answer == wm.UnknownState("nowhere")
     child = wm.HypotheticalState(state="nowhere", id="x")
     assert isinstance(ask(WORLD, Overlays(), child)[1], wm.UnknownState)
 
@@ -138,22 +138,22 @@ def test_the_oldest_goes_first_when_there_are_too_many(largest: int, count: int)
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "why"),
     [
-        wm.Moved("ghost", Pose((0.0, 0.0, 0.0))),
-        wm.Moved("jar_1", Pose((0.0, 0.0, 0.0)), on="ghost"),
-        wm.Grasped("ghost", Side.LEFT, "1", Pose((0.0, 0.0, 0.0))),
-        wm.Poured("jar_1", "ghost"),
-        wm.Configured("tail", (0.0,)),
-        wm.Configured("torso", (0.0, 0.0)),
+        (wm.Moved("ghost", Pose((0.0, 0.0, 0.0))), fact(Kind.NOT_SEEN, "ghost")),
+        (wm.Moved("jar_1", Pose((0.0, 0.0, 0.0)), on="ghost"), fact(Kind.NOT_SEEN, "ghost")),
+        (wm.Grasped("ghost", Side.LEFT, "1", Pose((0.0, 0.0, 0.0))), fact(Kind.NOT_SEEN, "ghost")),
+        (wm.Poured("jar_1", "ghost"), fact(Kind.NOT_SEEN, "ghost")),
+        (wm.Configured("tail", (0.0,)), fact(Kind.UNKNOWN_TO_KM, "tail")),
+        (wm.Configured("torso", (0.0, 0.0)), fact(Kind.UNKNOWN_TO_KM, "torso")),
     ],
 )
-def test_what_cannot_be_changed_is_refused_with_a_reason(change: wm.AnyChange) -> None:
+def test_what_cannot_be_changed_is_refused_with_a_reason(change: wm.AnyChange, why: Fact) -> None:
     """Things never observed and parts the robot has not."""
     with pytest.raises(Impossible):
         changed(WORLD, (change,))
     overlays, answer = ask(WORLD, Overlays(), wm.HypotheticalState(id="p", changes=(change,)))
-    assert isinstance(answer, wm.Unknown)
+    assert answer == wm.Unknown((why,))
     assert not overlays.states
 
 

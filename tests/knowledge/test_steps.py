@@ -11,8 +11,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "agent_runtime"))
 from driven import Driven
 
 from agent_runtime.core.events import PeerChanged, Started, Tick
+from companion import sentences
 from companion.binding import wiring
 from companion.languages import wm
+from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Pose
 from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours
@@ -21,6 +23,7 @@ from services.knowledge.scene import Scene
 from services.knowledge.words import NOT_YET
 
 BODY = wm.SeenBody(BodyPosture(0.0, (0.0,) * 7, (0.0,) * 7, (0.0, 0.0), (0.0,) * 4, (0.0,) * 4))
+DARK = (fact(Kind.NOTHING_IS_SEEN),)
 JAR = wm.SeenObject("jar_1", "jar", Pose((1.0, 0.0, 1.0)), 1.0)
 
 
@@ -67,6 +70,11 @@ class Km(Driven):
         """Return the answers to pl in the last step."""
         read = self.core.wiring.languages.read
         return [(sent.performative, read(sent)[0]) for sent in self.sends() if sent.receiver == "pl"]
+
+    def logged(self, event: str) -> dict[str, Any]:
+        """Return the fields of the line with this event in the last step."""
+        (fields,) = [line.fields for effects in self.out for line in effects.logs if line.event == event]
+        return fields
 
     def later(self, seconds: float) -> None:
         """Time passes."""
@@ -120,10 +128,10 @@ def test_without_an_observer_nobody_waits_for_ever(km: Km) -> None:
     assert not km.memory.patient
     ((act, answer),) = km.ask(wm.ListObjects())
     assert act is P.FAILURE
-    assert "ta, which has the robot look, is not there" in answer.reason
+    assert answer.why == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.OBSERVER_AWAY)),)
     assert not answer.later
     ((_, other),) = km.ask(wm.ObjectPose(object="jar_1"))
-    assert "nothing has been looked at" not in other.reason
+    assert Kind.NOT_LOOKED_AROUND not in {one.kind for one in other.why}
 
 
 def test_an_observer_that_agreed_may_take_its_time(km: Km) -> None:
@@ -165,12 +173,12 @@ def test_a_look_around_that_failed_is_told_and_the_next_observer_gives_hope(km: 
     """Its reason is km's, until another life of ta looks."""
     km.met()
     km.ta(P.AGREE)
-    km.observed("look", wm.NothingSeen("no light"))
+    km.observed("look", wm.NothingSeen(DARK))
     ((_, answer),) = km.ask(wm.ListObjects())
-    assert "no light" in answer.reason
+    assert answer.why == (fact(Kind.NOT_LOOKED_AROUND, DARK),)
     assert km.state.wakes == {}
     km.met(2)
-    assert (km.memory.patient, km.memory.blind) == (True, "")
+    assert (km.memory.patient, km.memory.blind) == (True, ())
     assert km.ask(wm.ListObjects()) == []
 
 
@@ -179,8 +187,8 @@ def test_what_was_seen_stays_seen(km: Km) -> None:
     km.met()
     km.ta(P.AGREE)
     km.observed("body", BODY)
-    km.observed("look", wm.NothingSeen("no light"))
-    assert (km.memory.patient, km.memory.blind) == (False, "")
+    km.observed("look", wm.NothingSeen(DARK))
+    assert (km.memory.patient, km.memory.blind) == (False, ())
     km.met(2)
     assert not km.memory.patient
 
@@ -192,7 +200,7 @@ def test_a_lost_world_is_forgotten_and_looked_for(km: Km) -> None:
     km.observed("jar_1", JAR)
     km.observed("body", BODY)
     assert km.memory.scene.things
-    km.observed("world", wm.WorldLost("its loop died"))
+    km.observed("world", wm.WorldLost((fact(Kind.NEW_WORLD),)))
     assert (km.memory.scene.things, km.memory.scene.hands, km.memory.scene.joints) == ({}, {}, {})
     assert (km.memory.patient, km.ask(wm.ListObjects())) == (True, [])
     km.observed("jar_1", JAR)
@@ -276,7 +284,7 @@ def test_the_store_is_told_of_each_new_scene(km: Km) -> None:
     km.observed("jar_1", JAR)
     assert km.tells == [Mirror(km.memory.scene)]
     assert list(km.memory.scene.things) == ["jar_1"]
-    km.observed("look", wm.NothingSeen("no light"))
+    km.observed("look", wm.NothingSeen(DARK))
     assert km.tells == []
 
 
@@ -291,4 +299,17 @@ def test_a_hypothetical_state_is_kept_until_it_is_dropped(km: Km) -> None:
     assert (act, pose.pose.xyz) == (P.INFORM_REF, (1.0, 0.0, 1.0))
     km.ask(wm.DropStates(prefix="p1/"))
     ((act, gone),) = km.ask(wm.ObjectPose(state="p1/0", object="jar_1"))
-    assert (act, type(gone)) == (P.FAILURE, wm.UnknownState)
+    assert (act, gone) == (P.FAILURE, wm.UnknownState("p1/0"))
+
+
+def test_what_is_not_known_is_in_the_log_with_all_that_was_asked(km: Km) -> None:
+    """A fact says it shortly."""
+    km.met()
+    km.ta(P.AGREE)
+    km.observed("body", BODY)
+    km.ask(wm.ObjectPose(state="gone", object="jar_1"))
+    assert km.logged("no such hypothetical state")["state"] == "gone"
+    km.ask(wm.Holds(relation="likes", subject="jar_1"))
+    unknown = km.logged("not known")
+    assert "jar_1" in unknown["asked"]
+    assert unknown["why"] == sentences.operator((fact(Kind.UNKNOWN_TO_KM, "likes"),))

@@ -11,6 +11,7 @@ from scripted_search import Script, look, plan_of
 from agent_runtime.testing.wires import Wires
 from companion.binding import wiring
 from companion.languages import LANGUAGES, hfsm, wm
+from companion.languages.facts import Kind, fact
 from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours as knowledge
 from services.knowledge import store_device
@@ -127,7 +128,7 @@ def test_a_search_whose_facts_are_lost_begins_again_but_not_for_ever() -> None:
     Forgotten.begun = 0
     scene.ask("p1")
     assert scene.until(2) == [(0, "agree"), (0, "failure")]
-    assert "hypothetical states of 5 searches" in scene.heard[-1][2].reason
+    assert scene.heard[-1][2].why == (fact(Kind.STATES_LOST),)
     assert Forgotten.begun == 5
 
 
@@ -148,10 +149,10 @@ def test_the_true_search_is_killed_and_replaced() -> None:
         searcher.tell(Begin(2, pour, 1))
         again = words.get(timeout=60.0)
         assert (type(again), again.attempt) == (Ask, 2)
-        searcher.tell(Answer(2, wm.Unknown("nothing was observed")))
+        searcher.tell(Answer(2, wm.Unknown((fact(Kind.NOT_OBSERVED_YET),))))
         ended = words.get(timeout=60.0)
         assert isinstance(ended, NotFound)
-        assert "nothing was observed" in ended.reason
+        assert ended.why == (fact(Kind.NOT_OBSERVED_YET),)
     finally:
         searcher.close()
 

@@ -11,15 +11,15 @@ from scripted_search import look, plan_of
 from agent_runtime.core.events import Local, Receipted, Started, Tick
 from companion.binding import wiring
 from companion.languages import hfsm, wm
+from companion.languages.facts import Fact, Kind, fact
 from fipa_codec.performatives import Performative as P
 from services.planner import behaviours
-from services.planner.behaviours import ANSWER_WITHIN_S
 from services.planner.local import Answer, Ask, Begin, Died, Found, NotFound, Stop
-from services.planner.words import DROP_WITHIN_S
+from services.planner.words import ANSWER_WITHIN_S, DROP_WITHIN_S
 
 SEED = 3
 ASKED = wm.ListObjects()
-LATER = wm.Unknown("the look around is not over", later=True)
+LATER = wm.Unknown((fact(Kind.LOOK_NOT_OVER),), later=True)
 
 
 def network(name: str) -> hfsm.GroundTaskNetwork:
@@ -110,16 +110,19 @@ def test_a_fact_goes_from_km_to_the_search() -> None:
 
 
 @pytest.mark.parametrize(
-    ("event", "reason"),
-    [(NotFound(1, "no room"), "no room"), (Died("exit status 3"), "ended unexpectedly: exit status 3")],
+    ("event", "why"),
+    [
+        (NotFound(1, (fact(Kind.NO_METHOD),)), fact(Kind.NO_METHOD)),
+        (Died("exit status 3"), fact(Kind.ENDED, "search")),
+    ],
 )
-def test_a_search_without_a_plan_fails_the_problem(event: Any, reason: str) -> None:
+def test_a_search_without_a_plan_fails_the_problem(event: Any, why: Fact) -> None:
     """co is told why, the search is stopped, km forgets; pl is free for the next."""
     one = searching()
     one.step(Local(event))
     (to_co, to_km) = said(one)
     assert to_co[:2] == ("co", P.FAILURE)
-    assert reason in to_co[2].reason
+    assert to_co[2].why == (why,)
     assert not to_co[2].later
     assert to_km == ("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))
     assert one.tells == [Stop(1)]
@@ -146,7 +149,7 @@ def test_while_the_world_is_looked_at_the_problem_is_put_off(state: Callable[[],
     one = state()
     answers(one, LATER)
     ((to, act, content),) = said(one)
-    assert (to, act, content.reason, content.later) == ("co", P.FAILURE, LATER.reason, True)
+    assert (to, act, content.why, content.later) == ("co", P.FAILURE, LATER.why, True)
     assert one.state.memory == behaviours.Memory(seed=SEED, attempt=one.state.memory.attempt)
 
 
@@ -161,7 +164,7 @@ def test_a_km_that_does_not_answer_fails_the_problem(state: Callable[[], Driven]
     one.step(Tick())
     ((_, act, content),) = [word for word in said(one) if word[0] == "co"]
     assert act is P.FAILURE
-    assert "km does not answer" in content.reason
+    assert content.why == (fact(Kind.NOT_ANSWERED, "km"),)
 
 
 @pytest.mark.parametrize("state", [beginning, waiting])
@@ -173,13 +176,13 @@ def test_a_km_that_cannot_be_understood_fails_the_problem(state: Callable[[], Dr
     one.hears("km", "query", P.INFORM_REF, **rest)
     ((_, act, content),) = [word for word in said(one) if word[0] == "co"]
     assert act is P.FAILURE
-    assert "km cannot be asked" in content.reason
+    assert content.why == (fact(Kind.BROKE_OFF, "km"),)
 
 
 def test_hypotheses_lost_begin_the_search_again() -> None:
     """As another attempt: words of the one before are ignored."""
     one = waiting()
-    answers(one, wm.UnknownState("p1/0", "km was restarted"))
+    answers(one, wm.UnknownState("p1/0"))
     assert said(one) == [("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))]
     assert (one.state.state, one.state.memory.ready, one.state.memory.begun) == ("initialize", False, 2)
     answers(one, wm.Made("p1"))
@@ -216,11 +219,11 @@ def test_of_several_problems_only_the_cancelled_one_is_forgotten() -> None:
     for name in ("p2", "p3"):
         asks(one, name)
     one.hears("co", "request", P.CANCEL, talk="co-p2")
-    assert said(one) == [("co", P.INFORM, hfsm.NoPlan("p2", "cancelled"))]
+    assert said(one) == [("co", P.INFORM, hfsm.NoPlan("p2", (fact(Kind.CANCELLED),)))]
     assert [waits.network.id for waits in one.state.memory.waiting] == ["p3"]
     asked = one.state.memory.soft.question
     one.hears("co", "request", P.CANCEL, talk="co-p1")
-    assert said(one)[0] == ("co", P.INFORM, hfsm.NoPlan("p1", "cancelled"))
+    assert said(one)[0] == ("co", P.INFORM, hfsm.NoPlan("p1", (fact(Kind.CANCELLED),)))
     assert one.tells[0] == Stop(1)
     assert asked not in one.state.soft.asks
     memory = one.state.memory

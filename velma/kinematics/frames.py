@@ -71,11 +71,9 @@ def lies(pose: pin.SE3) -> bool:
     return bool(pose.rotation[2, 2] < _STANDS)
 
 
-def fallen(pose: pin.SE3) -> str:
-    """Return in words how a thing lies that does not stand; "" for one that stands."""
-    if not lies(pose):
-        return ""
-    return "is upside down" if pose.rotation[2, 2] < -_STANDS else "lies on its side"
+def upside_down(pose: pin.SE3) -> bool:
+    """Whether a thing stands upside down."""
+    return bool(pose.rotation[2, 2] < -_STANDS)
 
 
 def level(pose: pin.SE3) -> pin.SE3:

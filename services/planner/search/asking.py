@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from companion.languages import wm
+from companion.languages.facts import Facts, Kind, fact
 
 A = TypeVar("A", bound=wm.Answer)
 
@@ -11,9 +12,9 @@ A = TypeVar("A", bound=wm.Answer)
 class Unanswered(Exception):
     """km cannot answer, so this branch of the search ends."""
 
-    def __init__(self, query: wm.AnyQuery, reason: str) -> None:
-        self.query, self.reason = query, reason
-        super().__init__(f"{type(query).__name__}: {reason}")
+    def __init__(self, query: wm.AnyQuery, why: Facts) -> None:
+        self.query, self.why = query, why
+        super().__init__(f"{type(query).__name__}: {', '.join(one.kind for one in why)}")
 
 
 class Asking:
@@ -33,8 +34,8 @@ class Asking:
         answer = self._known[query]
         if isinstance(answer, kind):
             return answer
-        reason = answer.reason if isinstance(answer, wm.Unknown) else f"answered with a {type(answer).__name__}"
-        raise Unanswered(query, reason)
+        unknown = (fact(Kind.UNKNOWN_TO_KM, type(query).__name__),)
+        raise Unanswered(query, answer.why if isinstance(answer, wm.Unknown) else unknown)
 
     def suppose(self, state: str, changes: tuple[wm.AnyChange, ...]) -> str:
         """Have km make a hypothetical state, `state` with these changes, once; return its id. Raise Unanswered."""

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import msgspec
 
 from companion.languages import hfsm, rc, wm
+from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Side
 from services.planner.search.asking import Asking, Unanswered
 from services.planner.search.situation import SIDES
@@ -29,7 +30,7 @@ class Found(NamedTuple):
 
     steps: list[Step]
     sought: str
-    told: str
+    told: Facts
     otherwise: hfsm.Outcome = hfsm.Outcome.REPLAN
 
 
@@ -47,10 +48,10 @@ def plan(request: str, task: str, found: Found, queries: int, held: dict[Side, r
         _note_released(holding, step)
     if sought:
         states.append(_localized(sought, otherwise))
-        states.append(hfsm.EndState("replan", hfsm.Outcome.REPLAN, f"{sought} is localized now"))
+        states.append(hfsm.EndState("replan", hfsm.Outcome.REPLAN, (fact(Kind.LOCALIZED, sought),)))
     if not states or told:
         name = "nothing to do" if not states else "tell"
-        states.append(hfsm.EndState(name, hfsm.Outcome.SUCCEEDED, told or "it is so already"))
+        states.append(hfsm.EndState(name, hfsm.Outcome.SUCCEEDED, told or (fact(Kind.SO_ALREADY),)))
     chained = tuple(_then(state, following.name) for state, following in pairwise(states))
     root = hfsm.Machine(
         name=task, initial=states[0].name, states=(*chained, states[-1]), safe=_safe(request, 0, holding)

@@ -11,6 +11,7 @@ from contextlib import redirect_stdout
 from functools import wraps
 from io import StringIO
 
+from companion.languages.facts import Fact, Kind, fact, fitting
 from companion.languages.hfsm import Rejected, TaskName
 from companion.languages.values import Side
 from services.planner.search.asking import Unanswered
@@ -40,7 +41,7 @@ TASKS: dict[str, tuple[str, ...]] = {
     TaskName.LOOK_AROUND: (),
 }
 """Tasks that can be asked for, with what their arguments are."""
-MOST_REJECTED, LONGEST_WHY = 24, 100  # of a search, the first ones; characters of a reason: 4 kB hold them (estimates)
+MOST_REJECTED, LARGEST_WHY = 24, 100  # of a search, the first ones; bytes of a reason: 4 kB hold them (estimates)
 GRASPS_TRIED = ("1", "2", "3", "4")
 """From which a thing is to be held out, or put there. Estimate: a try takes seconds."""
 CLEARED = (1, 2)
@@ -87,13 +88,13 @@ class Search:
         with redirect_stdout(StringIO()), gtpyhop.PlannerSession(domain=self.domain, **options) as session:
             found = session.find_plan(start, [*todo, ("a_end",)])
         if self._tried > MOST_STEPS:
-            self.geometry.failed(f"the search was ended after {MOST_STEPS} tried steps: a person is needed")
+            self.geometry.failed(fact(Kind.SEARCH_TOO_LONG, MOST_STEPS))
             return None
         if found.error and found.error.startswith("Planning error"):
             raise RuntimeError(found.error)
         if not found.success or self._end is None:
             return None
-        return Found(list(self._end.steps), self._end.sought, "; ".join(self._end.told))
+        return Found(list(self._end.steps), self._end.sought, self._end.told)
 
     def _declare(self) -> None:
         gtpyhop.set_current_domain(self.domain)
@@ -152,7 +153,7 @@ class Search:
                 if step is not None:
                     state.km = self.geometry.ask.suppose(state.km, step.changes)
             except Unanswered as unanswered:
-                self.geometry.failed(unanswered.reason)
+                self.geometry.failed(*unanswered.why)
                 step = None
             if step is None:
                 self._reject(name.removeprefix("a_"), arguments, self.geometry.why[-1])
@@ -177,11 +178,11 @@ class Search:
 
         @wraps(method)
         def answered(state: _State, *arguments: str) -> Subtasks | None:
-            self.methods.unfit, failed = "", len(self.geometry.why)
+            self.methods.unfit, failed = (), len(self.geometry.why)
             try:
                 found = method(state.km, *arguments)
             except Unanswered as unanswered:
-                self.geometry.failed(unanswered.reason)
+                self.geometry.failed(*unanswered.why)
                 found = None
             if found is None:
                 why = self.geometry.why[-1] if len(self.geometry.why) > failed else self.methods.unfit
@@ -210,10 +211,10 @@ class Search:
         after.__name__ = method.__name__
         return after
 
-    def _reject(self, method: str, arguments: tuple[str, ...], why: str) -> None:
+    def _reject(self, method: str, arguments: tuple[str, ...], why: tuple[Fact, ...]) -> None:
         """Note what was tried and left; the same thing for the same reason once."""
         if len(self._rejected) < MOST_REJECTED:
-            self._rejected.setdefault(Rejected(method, tuple(filter(None, arguments)), why[:LONGEST_WHY]))
+            self._rejected.setdefault(Rejected(method, tuple(filter(None, arguments)), fitting(why, LARGEST_WHY)))
 
     @property
     def rejected(self) -> tuple[Rejected, ...]:
@@ -242,13 +243,13 @@ class Search:
 
     def a_in_the_way(self, state: _State, name: str, *others: str) -> _State | bool:
         """Return False, not applicable, if a hand reaches the thing beside the others, or not even without them."""
-        why = "they are not what is in the way"
+        why: tuple[Fact, ...] = (fact(Kind.NOT_IN_THE_WAY),)
         try:
             self._count()
             if in_the_way(self.geometry, state.km, name, others):
                 return state
         except Unanswered as unanswered:
-            self.geometry.failed(why := unanswered.reason)
+            self.geometry.failed(*(why := unanswered.why))
         self._reject("in_the_way", (name, *others), why)
         return False
 
@@ -257,14 +258,14 @@ class Search:
         state.sought = name
         return state
 
-    def a_tell(self, state: _State, text: str) -> _State:
-        """Note a sentence that the person is told at the end."""
-        state.told = (*state.told, text)
+    def a_tell(self, state: _State, told: Fact) -> _State:
+        """Note what the person is told at the end."""
+        state.told = (*state.told, told)
         return state
 
     def a_stays(self, state: _State, name: str) -> _State:
         """Leave a thing where it is, and tell the reason that was noted last."""
-        return self.a_tell(state, f"{name} stays: {self.geometry.why[-1]}")
+        return self.a_tell(state, fact(Kind.STAYS, name, self.geometry.why[-1]))
 
     def a_some_done(self, state: _State) -> _State | bool:
         """Return False, not applicable, if nothing was done at all: then the reasons are told."""

@@ -3,14 +3,16 @@
 import math
 
 import numpy as np
+import pinocchio as pin
 
 from companion.languages import wm
 from companion.languages.cmd import BACK
+from companion.languages.facts import Fact, Kind, fact
 from companion.languages.values import Side
 from services.planner.search import leaves
 from services.planner.search.asking import Asking
 from velma import names
-from velma.kinematics.frames import fallen, transform
+from velma.kinematics.frames import lies, transform, upside_down
 
 SAME_PLACE_M = 0.05  # nearer to where it stood before, a thing is there again (estimate)
 BESIDE_M, LEVEL_M = 0.4, 0.3  # nearer than this a thing may be in a hand's way to another one; in height (estimates)
@@ -88,9 +90,9 @@ class Facts:
             return here.held_by is None and math.dist(here.pose.xyz, self.origin(state, name).pose.xyz) < SAME_PLACE_M
         return here.on in self.places(state, where) and self.container(state, here.on) == self.inside(state, name)
 
-    def fallen(self, state: str, name: str) -> str:
-        """Return in words how the thing lies that does not stand; "" for one that stands."""
-        return fallen(transform(self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose))
+    def fallen(self, state: str, name: str) -> Fact | None:
+        """Return how the thing lies that does not stand; None for one that stands."""
+        return fallen(name, transform(self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose))
 
     def inside(self, state: str, name: str) -> bool:
         """Whether the thing stands inside another one, so that it must come out before anything is poured into it."""
@@ -108,3 +110,10 @@ class Facts:
     def _true(self, state: str, relation: str, subject: str, value: str = "") -> bool:
         query = wm.Holds(state=state, relation=relation, subject=subject, value=value)
         return self._ask(query, wm.Truth).value
+
+
+def fallen(name: str, pose: pin.SE3) -> Fact | None:
+    """Return how a thing in this pose lies that does not stand; None for one that stands."""
+    if not lies(pose):
+        return None
+    return fact(Kind.UPSIDE_DOWN if upside_down(pose) else Kind.LIES, name)

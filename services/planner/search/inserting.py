@@ -4,6 +4,7 @@ from itertools import islice
 
 import numpy as np
 
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from services.planner.search.places import Inside, Surfaces, places
 from services.planner.search.situation import Situation
@@ -37,7 +38,7 @@ def _grasps(
     known = ways(preferred(geometry, state, name))
     found = inserted(geometry, geometry.at(state), side, name, target, known, number)
     if not found:
-        geometry.failed(f"the {side} arm reaches no place in {target.opening.name} for {name}")
+        geometry.failed(fact(Kind.NO_PLACE_REACHED_IN, side, name, target.opening.name))
     return frozenset(grasp for grasp, _ in found[:BEST])
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from companion.languages import rc, wm
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from services.planner.search import leaves
 from services.planner.search.putting import home
@@ -55,7 +56,7 @@ def open_door(geometry: Geometry, state: str, door: str, around: str, side: Side
     """
     held, known = geometry.at(state).held, leaves.grasps(geometry.ask, state, door)
     if side in held:
-        geometry.failed(f"the {side} hand holds {held[side].object}")
+        geometry.failed(fact(Kind.HOLDS, side, held[side].object))
         return None
     now, pose = leaves.opened(geometry.ask, state, door, around), geometry.pose(state, door)
     for wide, grasp in product(leaves.WIDE, known):
@@ -64,7 +65,7 @@ def open_door(geometry: Geometry, state: str, door: str, around: str, side: Side
         step = _by(geometry, state, side, leaf, grasp)
         if step is not None and home(geometry, geometry.ask.suppose(state, step.changes), side):
             return step
-    geometry.failed(f"the {side} hand finds no way to open {door}")
+    geometry.failed(fact(Kind.NO_WAY_TO_OPEN, side, door))
     return None
 
 

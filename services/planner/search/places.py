@@ -11,6 +11,7 @@ import numpy as np
 
 from companion.languages import wm
 from companion.languages.cmd import BACK
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Shape
 from services.planner.search.facts import Facts
 from services.planner.search.spots import Spot, Volume, clear, grid
@@ -66,7 +67,7 @@ def _before(geometry: Geometry, facts: Facts, state: str, name: str) -> Iterator
     """Yield the place where the thing stood before it was taken."""
     origin = facts.origin(state, name)
     if not origin.on:
-        geometry.failed(f"what {name} stood on before is not known")
+        geometry.failed(fact(Kind.FIRST_PLACE_UNKNOWN, name))
         return
     base = np.add(origin.pose.xyz, (0.0, 0.0, geometry.model(state, name).base_z))
     spot = Spot(origin.on, base)
@@ -86,7 +87,7 @@ def _inside(geometry: Geometry, state: str, name: str, around: str, spots: list[
     if free:
         yield Inside(opening(geometry, state, name, around), tuple(free))
     else:
-        geometry.failed(f"there is no free place in {around} for {name}")
+        geometry.failed(fact(Kind.NO_ROOM, name, around))
 
 
 def _grid(geometry: Geometry, state: str, name: str, around: str) -> list[Spot]:

@@ -6,6 +6,7 @@ from itertools import islice
 import numpy as np
 
 from companion.languages import rc, wm
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from services.planner.search.situation import configured
 from services.planner.search.steps import Geometry, Step, move
@@ -35,7 +36,7 @@ def pour(geometry: Geometry, state: str, source: str, destination: str, side: Si
         if reached is not None:
             mass = geometry.model(state, source).mass
             return _pouring(geometry, side, source, destination, mass, some[reached[0]], reached[1])
-    geometry.failed(f"no posture of the {side} arm pours {source} into {destination}")
+    geometry.failed(fact(Kind.NO_POUR, side, source, destination))
     return None
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from companion.languages import rc, wm
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from services.planner.search.facts import Facts
 from services.planner.search.inserting import BEST, inserted
@@ -88,8 +89,8 @@ def _above(
         found = _reached(geometry, here, side, _solved(geometry, here, side, free, model.base_z, retreat))
         if found is not None:
             return found
-    where = "finds no way to put down" if tried else "has no free place within reach for"
-    geometry.failed(f"the {side} arm {where} {held.object}")
+    kind = Kind.NO_WAY_TO_PUT_DOWN if tried else Kind.NO_PLACE_WITHIN_REACH
+    geometry.failed(fact(kind, side, held.object))
     return None
 
 
@@ -104,7 +105,7 @@ def _through(
     some = [placing for _, placing in inserted(geometry, here, side, held.object, target, [way])]
     found = _reached(geometry, here, side, some[:BEST]) or _reached(geometry, here, side, some[BEST:])
     if found is None:
-        geometry.failed(f"the {side} arm finds no way to put {held.object} into {target.opening.name}")
+        geometry.failed(fact(Kind.NO_WAY_INTO, side, held.object, target.opening.name))
     return found
 
 
@@ -183,7 +184,7 @@ def home(geometry: Geometry, state: str, side: Side) -> Step | None:
         geometry.homes[state, side] = _home(geometry, geometry.at(state), side)
     found = geometry.homes[state, side]
     if found is None:
-        geometry.failed(f"the {side} arm finds no path home")
+        geometry.failed(fact(Kind.NO_WAY_HOME, side))
     return found
 
 

@@ -7,6 +7,7 @@ from msgspec.structs import replace
 
 from companion.languages import hfsm, wm
 from companion.languages.cmd import BACK
+from companion.languages.facts import Fact, Kind, fact, fitting
 from companion.languages.values import Side
 from services.planner.search import assembling
 from services.planner.search.asking import Asking, Unanswered
@@ -16,7 +17,7 @@ from services.planner.search.looking import look_for
 from services.planner.search.steps import Geometry
 from velma.kinematics.robot import Robot
 
-REASONS = 3  # the newest ones that are told; a report has room for no more (estimate)
+REASONS, LARGEST = 3, 500  # the newest ones that are told, and their bytes: a report has room for no more (estimates)
 
 
 class NotSeen(Unanswered):
@@ -24,15 +25,15 @@ class NotSeen(Unanswered):
 
     def __init__(self, word: str, why: Unanswered) -> None:
         self.word = word
-        super().__init__(why.query, why.reason)
+        super().__init__(why.query, why.why)
 
 
 class NotATask(Exception):
     """The network names a task that the domain does not have."""
 
-    def __init__(self, reason: str) -> None:
-        self.reason = reason
-        super().__init__(reason)
+    def __init__(self, why: Fact) -> None:
+        self.why = (why,)
+        super().__init__(why.kind)
 
 
 def search(
@@ -51,13 +52,13 @@ def search(
         found = searching.run(todo, start)
     except NotSeen as unseen:
         found = _behind_doors(geometry, unseen.word)
-        found = found or assembling.Found([look_for(unseen.word)], unseen.word, "", hfsm.Outcome.FAILED)
+        found = found or assembling.Found([look_for(unseen.word)], unseen.word, (), hfsm.Outcome.FAILED)
         name = f"look for {unseen.word}"
         return assembling.plan(network.id, name, found, asking.queries, assembling.held_at(asking, ""))
-    except (Unanswered, NotATask) as why:
-        return hfsm.NoPlan(network.id, why.reason)
+    except (Unanswered, NotATask) as refused:
+        return hfsm.NoPlan(network.id, refused.why)
     if found is None:
-        return hfsm.NoPlan(network.id, _reason(geometry.why), rejected=searching.rejected)
+        return hfsm.NoPlan(network.id, _newest(geometry.why), rejected=searching.rejected)
     held = assembling.held_at(asking, start)
     name = "; ".join(" ".join(task) for task in todo)
     plan = assembling.plan(network.id, name, found, asking.queries, held)
@@ -90,11 +91,10 @@ def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
     """Return the task with the ids of km in place of words for things: "jar" -> "jar_1"."""
     kinds = TASKS.get(task.name)
     if kinds is None or len(kinds) != len(task.arguments):
-        known = ", ".join(f"{name} ({len(kinds)})" for name, kinds in TASKS.items())
-        raise NotATask(f"no task {task.name!r} of {len(task.arguments)} things is known; tasks are {known}")
+        raise NotATask(fact(Kind.NOT_A_TASK, task.name))
     arguments = tuple(_WORDS[kind](asking, word) for kind, word in zip(kinds, task.arguments, strict=True))
     if task.name == hfsm.TaskName.POUR and len(set(arguments)) == 1:
-        raise NotATask(f"{arguments[0]} cannot be poured into itself")
+        raise NotATask(fact(Kind.INTO_ITSELF, arguments[0]))
     return (task.name, *arguments)
 
 
@@ -115,7 +115,7 @@ def _thing(asking: Asking, word: str) -> str:
 def _side(asking: Asking, word: str) -> str:
     """Return a word for a hand, "" for any."""
     if word not in ("", *Side):
-        raise NotATask(f"no hand {word!r}; hands are {', '.join(Side)}")
+        raise NotATask(fact(Kind.NOT_A_HAND, word))
     return word
 
 
@@ -123,15 +123,16 @@ def _place(asking: Asking, word: str) -> str:
     """Return a word for places that km knows; the steps choose one of them."""
     facts = Facts(asking)
     if word != BACK and not facts.places("", word):
-        known = ", ".join(sorted(facts.places("", "furniture"))) or "none"
-        raise Unanswered(wm.StaticObjects(), f"no {word} has been seen to put things there (places seen: {known})")
+        seen = sorted(facts.places("", "furniture"))
+        others = (fact(Kind.SEEN, *seen),) if seen else ()
+        raise Unanswered(wm.StaticObjects(), (fact(Kind.NOT_A_PLACE, word), *others))
     return word
 
 
 _WORDS: dict[str, Callable[[Asking, str], str]] = {A_THING: _thing, A_SIDE: _side, A_PLACE: _place}
 
 
-def _reason(why: list[str]) -> str:
-    """Return the different reasons of the failed attempts, last first, in one sentence."""
-    different = list(dict.fromkeys(reversed(why)))
-    return "; ".join(different[:REASONS]) or "no method of the task applies in the present state of the world"
+def _newest(why: list[tuple[Fact, ...]]) -> tuple[Fact, ...]:
+    """Return the different reasons of the failed attempts, last first."""
+    different = list(dict.fromkeys(reversed(why)))[:REASONS]
+    return fitting(tuple(one for some in different for one in some), LARGEST) or (fact(Kind.NO_METHOD),)

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from companion.languages import rc, wm
+from companion.languages.facts import Fact, Facts
 from companion.languages.values import Side
 from services.planner.search.asking import Asking
 from services.planner.search.situation import Situation, on_wire, situation
@@ -56,7 +57,7 @@ class Geometry:
     robot: Robot
     ask: Asking
     seed: int
-    why: list[str] = field(default_factory=list)
+    why: list[Facts] = field(default_factory=list)
     reachable: dict[tuple[str, str, Side], bool] = field(default_factory=dict)
     homes: dict[tuple[str, Side], Step | None] = field(default_factory=dict)
 
@@ -76,9 +77,9 @@ class Geometry:
         """Return shapes, mass and base of the thing."""
         return self.ask(wm.ObjectModel(state=state, object=name), wm.ModelOf)
 
-    def failed(self, reason: str) -> None:
+    def failed(self, *why: Fact) -> None:
         """Note why an attempt failed."""
-        self.why.append(reason)
+        self.why.append(why)
 
     def free_motion(
         self,

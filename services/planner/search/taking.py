@@ -3,16 +3,16 @@
 from itertools import islice
 
 import numpy as np
-import pinocchio as pin
 
 from companion.handles import HANDLE
 from companion.languages import rc, wm
+from companion.languages.facts import Fact, Kind, fact
 from companion.languages.values import Side
 from companion.models import LYING
-from services.planner.search.facts import Facts
+from services.planner.search.facts import Facts, fallen
 from services.planner.search.situation import Situation, configured, on_wire
 from services.planner.search.steps import CLOSE_S, Geometry, Step, approach_points, free_speed, move
-from velma.kinematics.frames import fallen, transform
+from velma.kinematics.frames import transform
 from velma.kinematics.motion import Motion
 from velma.kinematics.tasks.carrying import CARRY_TILT, carries
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
@@ -39,7 +39,7 @@ def take(
         return None
     reached = geometry.free_motion(here, side, [a.way_in[0] for a in found])
     if reached is None:
-        geometry.failed(f"the {side} arm finds no free way to {name}")
+        geometry.failed(fact(Kind.NO_WAY_TO, side, name))
         return None
     index, way = reached
     return _taking(geometry, here, side, target, found[index], way)
@@ -78,27 +78,27 @@ def _approaches(
     wanted: int,
 ) -> list[Approach]:
     """Return solved grasps; none, with the reason noted, if there are none."""
-    if beyond := out_of_reach(geometry.pose(here.state, target.name), known[0].kind):
-        geometry.failed(f"{target.name} {beyond}: a person is needed")
+    if beyond := out_of_reach(target, known[0].kind):
+        geometry.failed(beyond)
         return []
     found = approaches(
         geometry.robot, here.world, side, here.q, target, ways(known),
         geometry.rng("take", target.name, side, *number), torso=TORSO.get(known[0].kind, ANY_TORSO), wanted=wanted,
     )  # fmt: skip
     if not found:
-        how = fallen(geometry.pose(here.state, target.name))
-        what = f"{target.name} {how}, and no grasp of it" if how else f"no grasp of {target.name}"
-        geometry.failed(f"{what} with the {side} hand can be reached and pulled out")
+        how = fallen(target.name, target.pose)
+        geometry.failed(fact(Kind.NO_GRASP, side, target.name, (how,) if how else ()))
     return found
 
 
-def out_of_reach(pose: pin.SE3, kind: str) -> str:
-    """Return why no grasp of this kind fits a thing in this pose; "" where one may."""
+def out_of_reach(target: Target, kind: str) -> Fact | None:
+    """Return why no grasp of this kind fits the thing where it is; None where one may."""
     if kind == HANDLE:
-        return "hangs on a hinge, and is only opened"
-    if pose.translation[2] < FLOOR_M:
-        return "fell on the floor"
-    return fallen(pose) if kind != LYING else ""
+        return fact(Kind.PERSON_NEEDED, fact(Kind.HANGS_ON_A_HINGE, target.name))
+    if target.pose.translation[2] < FLOOR_M:
+        return fact(Kind.ON_THE_FLOOR, target.name)
+    how = fallen(target.name, target.pose) if kind != LYING else None
+    return fact(Kind.PERSON_NEEDED, how) if how else None
 
 
 def preferred(geometry: Geometry, state: str, name: str) -> list[wm.GraspDef]:
@@ -183,7 +183,7 @@ def carry(geometry: Geometry, state: str, side: Side) -> Step | None:
     postures = carries(geometry.robot, here.world, side, here.q, held.T_grip_object, geometry.rng("carry", side))
     reached = geometry.free_motion(here, side, list(islice(postures, CARRIES)), largest_tilt=CARRY_TILT, tried=CARRIES)
     if reached is None:
-        geometry.failed(f"no posture found in which the {side} arm carries {held.object} out of the way")
+        geometry.failed(fact(Kind.NO_WAY_CARRYING, side, held.object))
         return None
     _, way = reached
     command = move(side, way, LOADED_SPEED)

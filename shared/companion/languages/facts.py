@@ -3,6 +3,7 @@
 Programs decide by kinds and parts. Sentences are made where a person reads them (companion.sentences).
 """
 
+import re
 from enum import StrEnum
 from typing import Any, Self
 
@@ -125,6 +126,7 @@ class Kind(StrEnum):
     MET_SOMETHING = "met-something", "side a x:m"  # above the place of the thing
     NO_OPENING = "no-opening", "a"
     INTO_ITSELF = "into-itself", "a"
+    NO_KNOWN_GRASP = "no-known-grasp", "a"
     # The body
     NOT_FOLLOWED = "not-followed", "w:part x:rad"
     FINGER_NOT_FOLLOWED = "finger-not-followed", "side x:number y:rad"
@@ -240,16 +242,21 @@ def fact(kind: Kind, *parts: Any) -> Fact:
         raise ValueError(f"{kind} takes {' '.join(kind.parts) or 'no parts'}, got {parts}")
     return Fact(
         kind,
-        tuple(map(str, found["things"])),
+        tuple(map(_name, found["things"])),
         Side(found["side"][0]) if found["side"] else None,
         tuple(float(f"{number:.4g}") for number in found["numbers"]),  # a sentence has no more digits
-        tuple(map(str, found["words"])),
+        tuple(map(_name, found["words"])),
         tuple(found["because"]),
     )
 
 
 _FIELDS = {"a": "things", "b": "things", "things": "things", "side": "side", "x": "numbers", "y": "numbers",
            "w": "words", "v": "words", "because": "because"}  # fmt: skip
+
+
+def _name(word: object) -> str:
+    """Return a word as it can be read (Of): a person may have used other letters, and blanks."""
+    return re.sub(r"[^!-~]", "_", str(word))[:64]
 
 
 def fitting(facts: Facts, room: int) -> Facts:

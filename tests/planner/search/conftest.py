@@ -10,6 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from companion.languages import hfsm, wm
+from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Pose, Side
 from services.executor import simulation
 from services.executor.skills.motions import aim
@@ -39,7 +40,7 @@ class Km:
         """The answer; Unknown to what km is starved of."""
         self.asked.append(query)
         if self.starved(query):
-            return wm.Unknown(f"starved of {type(query).__name__}")
+            return wm.Unknown((fact(Kind.UNKNOWN_TO_KM, type(query).__name__),))
         self.overlays, answer = answers.ask(self.scene, self.overlays, query)
         return answer
 
@@ -66,7 +67,7 @@ PARTS = ("right_arm", "left_arm", "head", "right_hand", "left_hand")
 
 def steps(plan: hfsm.HierarchicalPlan | hfsm.NoPlan) -> list[str]:
     """Names of the states of a plan."""
-    assert isinstance(plan, hfsm.HierarchicalPlan), plan.reason
+    assert isinstance(plan, hfsm.HierarchicalPlan), plan.why
     return [state.name for state in plan.root.states]
 
 
@@ -120,7 +121,7 @@ def first(beginning: Scene) -> tuple[Km, hfsm.HierarchicalPlan]:
     """The first plan, and km as it was asked for it."""
     km = Km(beginning)
     plan = km.plan("pour", "jar", "bowl")
-    assert isinstance(plan, hfsm.HierarchicalPlan), plan.reason
+    assert isinstance(plan, hfsm.HierarchicalPlan), plan.why
     return km, plan
 
 
@@ -147,7 +148,7 @@ def second(bowl_placed: Scene) -> tuple[Km, hfsm.HierarchicalPlan]:
     """The second plan, and km as it was asked for it."""
     km = Km(bowl_placed)
     plan = km.plan("pour", "jar", "bowl", request="p2")
-    assert isinstance(plan, hfsm.HierarchicalPlan), plan.reason
+    assert isinstance(plan, hfsm.HierarchicalPlan), plan.why
     return km, plan
 
 

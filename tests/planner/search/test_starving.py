@@ -1,4 +1,4 @@
-"""Every fact is really asked: starved of any one of them, km makes the plan fail, and the reason is in words."""
+"""Every fact is really asked: starved of any one of them, km makes the plan fail, and says why."""
 
 import gc
 import weakref
@@ -6,6 +6,7 @@ import weakref
 import pytest
 
 from companion.languages import hfsm, rc, wm
+from companion.languages.facts import Kind, fact
 from services.knowledge.scene import Scene
 
 SOON = (
@@ -27,7 +28,7 @@ def test_starved_of_a_kind_there_is_no_plan(km, beginning: Scene, kind: type) ->
     """From the beginning: km's reason is told, and nothing is planned without the fact."""
     plan = km(beginning, lambda query: isinstance(query, kind)).plan("pour", "jar", "bowl")
     assert isinstance(plan, hfsm.NoPlan)
-    assert f"starved of {kind.__name__}" in plan.reason
+    assert fact(Kind.UNKNOWN_TO_KM, kind.__name__) in plan.why
 
 
 @pytest.mark.parametrize("kind", LATE)
@@ -35,14 +36,14 @@ def test_starved_of_where_to_put_down_there_is_no_plan(km, bowl_out: Scene, kind
     """With the bowl in the hand: what is asked of tables and reach."""
     plan = km(bowl_out, lambda query: isinstance(query, kind)).plan("pour", "jar", "bowl")
     assert isinstance(plan, hfsm.NoPlan)
-    assert f"starved of {kind.__name__}" in plan.reason
+    assert fact(Kind.UNKNOWN_TO_KM, kind.__name__) in plan.why
 
 
 def test_starved_of_where_to_put_down_the_whole_plan_fails(km, beginning: Scene) -> None:
     """The last question ends it as well, though both hands are tried first."""
     plan = km(beginning, lambda query: isinstance(query, wm.FlatSurfaces)).plan("pour", "jar", "bowl")
     assert isinstance(plan, hfsm.NoPlan)
-    assert "starved of FlatSurfaces" in plan.reason
+    assert fact(Kind.UNKNOWN_TO_KM, "FlatSurfaces") in plan.why
 
 
 @pytest.mark.parametrize("kind", [wm.ObjectHole, wm.ObjectModel, wm.ObjectPose, wm.EnvironmentShapes])
@@ -50,7 +51,7 @@ def test_starved_the_second_plan_fails(km, bowl_placed: Scene, kind: type) -> No
     """Pouring as well stands on what km says now, not on what it said before."""
     plan = km(bowl_placed, lambda query: isinstance(query, kind)).plan("pour", "jar", "bowl")
     assert isinstance(plan, hfsm.NoPlan)
-    assert f"starved of {kind.__name__}" in plan.reason
+    assert fact(Kind.UNKNOWN_TO_KM, kind.__name__) in plan.why
 
 
 @pytest.mark.parametrize("name", ["jar_1", "bowl_1", "cabinet_2"])
@@ -58,7 +59,7 @@ def test_starved_of_a_thing_there_is_no_plan(km, beginning: Scene, name: str) ->
     """Source, destination and what they stand in: each is asked about by name."""
     plan = km(beginning, lambda query: getattr(query, "object", "") == name).plan("pour", "jar", "bowl")
     assert isinstance(plan, hfsm.NoPlan)
-    assert "starved of" in plan.reason
+    assert Kind.UNKNOWN_TO_KM in {one.kind for one in plan.why}
 
 
 def test_an_answer_of_another_kind_is_no_answer(km, beginning: Scene) -> None:
@@ -68,7 +69,7 @@ def test_an_answer_of_another_kind_is_no_answer(km, beginning: Scene) -> None:
     mad.ask = lambda query: wm.Truth(True) if isinstance(query, wm.GraspSet) else truthful(query)
     plan = mad.plan("pour", "jar", "bowl")
     assert isinstance(plan, hfsm.NoPlan)
-    assert "answered with a Truth" in plan.reason
+    assert fact(Kind.UNKNOWN_TO_KM, "GraspSet") in plan.why
 
 
 @pytest.mark.parametrize(

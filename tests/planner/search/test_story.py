@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from companion.languages import HFSM, hfsm, rc, wm
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from services.task import plan as plans
 from velma import names
@@ -49,7 +50,7 @@ def test_the_first_plan_takes_both_and_puts_the_bowl_down(first) -> None:
         ("MoveJoint", right), ("Grasp", right), ("MoveCartesian", right), ("MoveJoint", right), ("Release", right),
         ("MoveJoint", right), ("Look", None),
     ]  # fmt: skip
-    assert plan.root.states[-1] == hfsm.EndState("replan", REPLAN, "bowl_1 is localized now")
+    assert plan.root.states[-1] == hfsm.EndState("replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),))
 
 
 def test_the_second_plan_pours(second) -> None:
