@@ -10,14 +10,21 @@ from agent_runtime.core.events import Local, Received
 from agent_runtime.core.wiring import Wiring
 from agent_runtime.testing.wires import Wires
 from companion.binding import wiring
+from companion.design import AgentName
 from companion.languages import cmd, hfsm, sw
-from fipa_codec.languages import Kind
+from companion.languages.facts import Kind, fact
+from companion.languages.values import Side
+from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
 from services.coordinator.behaviours import agent
 from services.coordinator.memory import Limits
 
 POUR = cmd.PourInto("jar", "bowl")
 LIMITS = Limits(planning_s=60.0)
+UNREACHED = fact(Kind.UNREACHED, Side.LEFT, "jar_1")
+SLIPS = fact(Kind.SLIPS, Side.LEFT, 0.1)
+CANCELLED = fact(Kind.CANCELLED)
+BUSY = fact(Kind.BUSY, AgentName.TA)
 
 
 class Nothing(msgspec.Struct, frozen=True):
@@ -34,7 +41,7 @@ class Puppet:
     def default(self, turn, received):
         """Answer as a protocol wants at once: ta says Running."""
         if self.name == "ta" and received.communicate.performative is P.REQUEST:
-            turn.say(received.conversation, P.INFORM, sw.Report(sw.WorkerState.RUNNING))
+            turn.say(received.conversation, P.INFORM, sw.Report(sw.WorkerState.RUNNING, at="end"))
 
     def agent(self):
         """One state that never ends."""
@@ -122,9 +129,9 @@ class Scene:
         """Return the reports to hi about a task as `performative state`, in order."""
         return [f"{act} {getattr(content, 'state', 'reason')}" for act, content in self.heard("hi", task)]
 
-    def last_text(self, task):
-        """The text of the last report on a task."""
-        return [content.text for _, content in self.heard("hi", task)][-1]
+    def last_why(self, task):
+        """The facts of the last report on a task."""
+        return [content.why for _, content in self.heard("hi", task)][-1]
 
     @property
     def state(self):
@@ -163,18 +170,18 @@ def a_plan(duration=100.0, suspend=0.0, resume=0.0):
     return hfsm.HierarchicalPlan("p", "pour", hfsm.Machine("main", "end", (state,)), duration, 1, schedule)
 
 
-def no_plan(reason="the jar is out of reach"):
-    """Return a NoPlan with its reason."""
-    return hfsm.NoPlan("p", reason)
+def no_plan(*why):
+    """Return a NoPlan with its reasons."""
+    return hfsm.NoPlan("p", why or (UNREACHED,))
 
 
 def stop_planning(turn, received):
     """A policy of pl: answers a cancel at once."""
     if received.communicate.performative is P.CANCEL:
-        turn.say(received.conversation, P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+        turn.say(received.conversation, P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
 
 
 def refuse_plans(turn, received):
     """A policy of ta."""
     if received.communicate.performative is P.REQUEST:
-        turn.say(received.conversation, P.REFUSE, sw.Report(sw.WorkerState.FAILED, reason="busy looking"))
+        turn.say(received.conversation, P.REFUSE, sw.Report(sw.WorkerState.FAILED, why=(BUSY,)))

@@ -6,14 +6,15 @@ import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from partners_of_co import POUR, Scene, a_plan, no_plan
+from partners_of_co import CANCELLED, POUR, SLIPS, Scene, a_plan, no_plan
 
 from agent_runtime.core.step import OUTSIDE
 from agent_runtime.testing.wires import Faults, Point
-from companion.design import DESIGN
+from companion.design import DESIGN, AgentName
 from companion.languages import cmd, hfsm, rc, sw, wm
+from companion.languages.facts import Kind, fact
 from companion.languages.sw import WorkerState
-from fipa_codec.languages import Kind
+from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
 from services.coordinator.behaviours import agent
 from services.coordinator.memory import CONDITIONS, Limits
@@ -55,7 +56,7 @@ class Chance:
                     turn.say(name, P.AGREE)
                 self.later("pl", lambda turn: self.give_plan(turn, name))
             case P.CANCEL if self.chance.random() < 0.5:
-                turn.say(name, P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+                turn.say(name, P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
             case P.CANCEL:
                 self.later("pl", lambda turn: self.stop(turn, name))
 
@@ -68,12 +69,12 @@ class Chance:
             name, P.FAILURE, no_plan()
         )
         if turn.holds(name):
-            turn.say(name, P.FAILURE, no_plan("too late"), kind=Kind.CANCEL)
+            turn.say(name, P.FAILURE, no_plan(fact(Kind.TOOK_TOO_LONG, AgentName.PL)), kind=languages.Kind.CANCEL)
 
     def stop(self, turn, name):
         """Answer the cancel, unless the plan did so."""
         if turn.holds(name):
-            turn.say(name, P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+            turn.say(name, P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
 
     def ta(self, turn, received):
         """Run or refuse; end by chance."""
@@ -93,7 +94,7 @@ class Chance:
             self.report(turn, name, WorkerState.RUNNING, at=f"main/{self.chance.randrange(9)}")
             self.later("ta", lambda turn: self.work(turn, name))
         else:
-            self.report(turn, name, self.chance.choice(ENDS), reason="by chance")
+            self.report(turn, name, self.chance.choice(ENDS), why=(SLIPS,))
 
     def report(self, turn, name, state, **more):
         """Unless the final report is out."""
@@ -206,7 +207,7 @@ def test_co_killed_once_at_each_step_goes_on(point, step):
 
 @pytest.mark.parametrize("dead", ["pl", "ta"])
 def test_a_peer_that_is_dead_for_good_leaves_no_command_open(dead):
-    """All that hi asked ends, late, in words."""
+    """All that hi asked ends, late, and with the reason."""
     scene = Scene()
     scene.wires.crash(dead, Point.BEFORE, restart_s=1e9)
     scene.do(dead, lambda turn: None)
@@ -215,7 +216,8 @@ def test_a_peer_that_is_dead_for_good_leaves_no_command_open(dead):
     tasks = [scene.command() for _ in range(3)]
     scene.settle(400.0)
     assert [len(results(scene, task)) for task in tasks] == [1, 1, 1]
-    assert all("not" in scene.last_text(task) for task in tasks)
+    silent = fact(Kind.SAY_AGAIN_LATER, fact(Kind.NOT_ANSWERING, dead))
+    assert [scene.last_why(task) for task in tasks] == [(fact(Kind.NOT_ANSWERED, dead),), (silent,), (silent,)]
 
 
 # --- the design -------------------------------------------------------------------------------------------------------
@@ -240,7 +242,7 @@ def test_the_arcs_of_the_design_are_taken(scene):
     scene.ta(WorkerState.REPLAN)
     scene.plan()
     scene.ta(WorkerState.SUCCEEDED)
-    scene.pl(P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
     scene.pl(P.FAILURE, no_plan())
     assert scene.serves()
     designed = {(arc.source, arc.target) for arc in DESIGN.agent("co").arc}

@@ -2,13 +2,14 @@
 
 import pytest
 from msgspec.structs import replace
-from partners_of_co import POUR, Scene, a_plan, no_plan, stop_planning
+from partners_of_co import CANCELLED, POUR, Scene, a_plan, no_plan, stop_planning
 
 from agent_runtime.core.step import OUTSIDE
 from agent_runtime.testing.wires import Point
 from companion.languages import cmd, hfsm, sw
+from companion.languages.facts import Kind, fact
 from companion.languages.sw import WorkerState
-from fipa_codec.languages import Kind
+from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
 from services.coordinator.memory import Limits, Stage
 
@@ -21,8 +22,8 @@ def stages(scene):
 
 
 def told(scene, task):
-    """All that hi was told of a task."""
-    return [content.text for _, content in scene.heard("hi", task)]
+    """The facts of all that hi was told of a task."""
+    return [content.why for _, content in scene.heard("hi", task)]
 
 
 @pytest.fixture(autouse=True)
@@ -59,7 +60,9 @@ def test_a_task_that_costs_less_to_do_first_replaces_the_running_one(scene):
     look = scene.command(LOOK)
     scene.plan(5.0)
     assert scene.acts("ta")[-1] is P.CANCEL
-    assert f"left for {look} (look around): to switch costs" in scene.last_text(pour)
+    decision = scene.memory.decision
+    assert (decision.task, decision.why.kind) == (look, Kind.SWITCH_COSTS)
+    assert scene.last_why(pour) == (fact(Kind.LEFT_FOR, hfsm.TaskName.LOOK_AROUND, decision.why),)
     scene.ta(WorkerState.PREEMPTED)
     scene.plan(5.0)
     scene.ta(WorkerState.SUCCEEDED)
@@ -77,8 +80,9 @@ def test_where_leaving_costs_too_much_the_running_task_goes_on_and_the_other_one
     look = scene.command(LOOK)
     scene.plan(5.0)
     assert P.CANCEL not in scene.acts("ta")
-    assert "goes on: to wait costs" in scene.last_text(look)
     decision = scene.memory.decision
+    assert decision.why.kind is Kind.WAIT_COSTS
+    assert scene.last_why(look) == (fact(Kind.GOES_ON, hfsm.TaskName.POUR, "jar", "bowl", decision.why),)
     assert (decision.switch, decision.rival) == (False, look)
     assert decision.switch_cost >= 0.9 * decision.wait_cost > 0.0
 
@@ -114,7 +118,7 @@ def test_a_question_under_way_is_called_off_when_a_plan_is_wanted(scene):
     look = scene.command(LOOK)
     scene.ta(WorkerState.SUCCEEDED)
     assert scene.acts("pl") == [P.REQUEST, P.REQUEST, P.CANCEL]
-    scene.pl(P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
     assert scene.acts("pl").count(P.REQUEST) == 3
     assert stages(scene) == [("LookAround", Stage.PLANNING)]
     scene.plan(5.0)
@@ -145,7 +149,7 @@ def test_a_waiting_task_is_cancelled_while_pl_is_asked_about_it(scene, recalled)
         scene.ta(WorkerState.SUCCEEDED)
     scene.cancel(look)
     assert scene.acts("pl").count(P.CANCEL) == 1
-    scene.pl(P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
     assert scene.said(look)[-1] == "inform cancelled"
     if not recalled:
         scene.ta(WorkerState.SUCCEEDED)
@@ -153,7 +157,7 @@ def test_a_waiting_task_is_cancelled_while_pl_is_asked_about_it(scene, recalled)
 
 
 def test_a_planner_that_is_late_about_parameters_does_not_end_the_task_that_runs(scene):
-    """The question is called off; where that is not answered either, the task that waits ends in words."""
+    """The question is called off; where that is not answered either, the task that waits ends."""
     pour, look = scene.running(POUR), scene.command(LOOK)
     scene.settle(61.0)
     assert scene.acts("pl")[-1] is P.CANCEL
@@ -175,7 +179,7 @@ def test_the_order_of_those_that_wait_is_by_costs_once_all_are_known(scene):
     scene.plan(5.0)
     scene.ta(WorkerState.SUCCEEDED)
     assert stages(scene) == [("LookAround", Stage.PLANNING), ("Take", Stage.WAITING)]
-    assert "it costs least to do it first" in scene.last_text(short)
+    assert scene.last_why(short) == (fact(Kind.PLAN, 1, fact(Kind.COSTS_LEAST)),)
     assert scene.said(long)[-1] in ("agree waiting", "inform waiting")
 
 
@@ -203,7 +207,9 @@ def at(scene, seconds, task=LOOK):
 def test_a_task_that_begins_later_keeps_nobody_waiting(scene):
     """It is told when it begins; what comes meanwhile is done, and it is planned when its time has come."""
     later = scene.command(at(scene, 300.0, cmd.Take("jar", urgency=1)))
-    assert told(scene, later) == ["it begins in 5 min"]
+    (((begins,),),) = [told(scene, later)]
+    assert begins.kind is Kind.BEGINS_IN
+    assert begins.numbers == pytest.approx((300.0,), abs=0.1)
     assert P.REQUEST not in scene.acts("pl")
     first = scene.running(cmd.Take("jar"))
     assert P.CANCEL not in scene.acts("ta")

@@ -1,17 +1,34 @@
 """Every row of co's side of C1, C2 and C3, one after another."""
 
+import msgspec
 import pytest
 from msgspec.structs import replace
-from partners_of_co import Scene, a_plan, no_plan, refuse_plans, stop_planning
+from partners_of_co import BUSY, CANCELLED, SLIPS, UNREACHED, Scene, a_plan, no_plan, refuse_plans, stop_planning
 
 from agent_runtime.testing.wires import Point
+from companion.design import AgentName
 from companion.languages import cmd, hfsm
+from companion.languages.facts import Kind, fact
 from companion.languages.sw import FINAL, WorkerState
 from companion.languages.values import Side
+from fipa_codec import languages
 from fipa_codec.communicate import Communicate
-from fipa_codec.languages import Kind, Reason
+from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
+from services.coordinator import words
 from services.coordinator.memory import Limits
+
+NOT_LOCALIZED = fact(Kind.NOT_LOCALIZED, "bowl_1")
+
+
+def told_in_log(scene):
+    """Return a list to which the sentences that peers say are added as co logs them."""
+    logged = []
+    scene.wires.on_step = lambda agent, effects: logged.extend(
+        line.fields["why"] for line in effects.logs if agent == "co" and line.event == "refused"
+    )
+    return logged
+
 
 # --- the way through without trouble ----------------------------------------------------------------------------------
 
@@ -29,7 +46,7 @@ def test_a_command_is_agreed_planned_run_and_done(scene):
         "inform running",
         "inform done",
     ]
-    assert any("main/take" in content.text for _, content in scene.heard("hi", name))
+    assert [content.at for _, content in scene.heard("hi", name)] == ["", "", "", "end", "main/take", ""]
     assert scene.at_rest()
 
 
@@ -59,7 +76,7 @@ def test_every_inform_of_ta_is_confirmed(scene):
     """As many confirms as reports, final ones included; also after a cancel."""
     name = scene.running()
     scene.ta(WorkerState.RUNNING, at="main/a")
-    scene.ta(WorkerState.ERROR, reason="slipped")
+    scene.ta(WorkerState.ERROR, why=(SLIPS,))
     scene.cancel(name)
     scene.ta(WorkerState.TERMINATING)
     scene.ta(WorkerState.PREEMPTED)
@@ -80,10 +97,10 @@ def test_the_plan_reaches_ta_with_its_reply_by(scene):
 
 @pytest.mark.parametrize("state", [WorkerState.FAILED, WorkerState.PREEMPTED])
 def test_a_plan_that_fails_fails_its_task_with_the_reason(scene, state):
-    """hi gets ta's words."""
+    """hi gets ta's facts."""
     name = scene.running()
-    scene.ta(state, reason="the jar slipped")
-    assert (scene.said(name)[-1], scene.last_text(name)) == ("failure failed", "the jar slipped")
+    scene.ta(state, why=(SLIPS,))
+    assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", (SLIPS,))
     assert scene.at_rest()
     assert scene.serves()
 
@@ -92,18 +109,18 @@ def test_a_refused_plan_fails_its_task():
     """ta refuses: hi failure."""
     scene = Scene(ta=refuse_plans)
     name = scene.running()
-    assert (scene.said(name)[-1], scene.last_text(name)) == ("failure failed", "busy looking")
+    assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", (BUSY,))
     assert scene.at_rest()
 
 
 def test_replan_asks_for_another_plan_of_the_same_task(scene):
     """Plan #1, Replan, plan #2: two requests to pl with the same task and different ids."""
     name = scene.running()
-    scene.ta(WorkerState.REPLAN, reason="the bowl is not localized")
+    scene.ta(WorkerState.REPLAN, why=(NOT_LOCALIZED,))
     (first, second) = [content for act, content in scene.heard("pl") if act is P.REQUEST]
     assert first.tasks == second.tasks
     assert first.id != second.id
-    assert "bowl is not localized" in scene.last_text(name)
+    assert scene.last_why(name) == (fact(Kind.PLAN, 2, NOT_LOCALIZED),)
     scene.plan()
     scene.ta(WorkerState.SUCCEEDED)
     assert scene.said(name)[-1] == "inform done"
@@ -116,39 +133,43 @@ def test_a_swap_means_the_same_thing_in_its_second_plan(scene, named):
     scene.command(cmd.SwapHands(named))
     plan = replace(a_plan(), holds={Side.RIGHT: "jar_1"})
     scene.pl(P.INFORM, plan)
-    scene.ta(WorkerState.REPLAN, reason="the right hand cannot move straight")
+    scene.ta(WorkerState.REPLAN, why=(fact(Kind.NOT_STRAIGHT, Side.RIGHT),))
     scene.pl(P.INFORM, plan)
-    scene.ta(WorkerState.REPLAN, reason="once more")
+    scene.ta(WorkerState.REPLAN, why=(SLIPS,))
     tasks = [content.tasks for act, content in scene.heard("pl") if act is P.REQUEST]
     again = (hfsm.Task("bring", ("jar_1", "right")),)
     assert tasks == [(hfsm.Task("swap_hands", (named,)),), again, again]
 
 
 def test_replans_are_bounded():
-    """After the last allowed one the task fails in words."""
+    """After the last allowed one the task fails, with the reason of that."""
     scene = Scene(limits=Limits(replans=2))
     name = scene.running()
     for _ in range(2):
-        scene.ta(WorkerState.REPLAN, reason="no sight of the jar")
+        scene.ta(WorkerState.REPLAN, why=(NOT_LOCALIZED,))
         scene.plan()
-    scene.ta(WorkerState.REPLAN, reason="no sight of the jar")
+    scene.ta(WorkerState.REPLAN, why=(NOT_LOCALIZED,))
     assert scene.said(name)[-1] == "failure failed"
-    assert "3 plans" in scene.last_text(name)
-    assert "no sight of the jar" in scene.last_text(name)
+    assert scene.last_why(name) == (fact(Kind.GIVEN_UP, 3, NOT_LOCALIZED),)
     assert scene.at_rest()
     assert scene.serves()
 
 
 @pytest.mark.parametrize(
-    "content",
-    [no_plan(), Reason("the jar is out of reach")],
+    ("content", "why"),
+    [
+        (no_plan(), UNREACHED),
+        (hfsm.NoPlan("p", ()), fact(Kind.NO_REASON, AgentName.PL)),
+        (Reason("the jar is out of reach"), fact(Kind.NO_REASON, AgentName.PL)),
+    ],
 )
 @pytest.mark.parametrize("performative", [P.FAILURE, P.REFUSE])
-def test_no_plan_fails_the_task_with_the_reason(scene, performative, content):
-    """Refused or failed, told by pl in either language."""
-    name = scene.command()
+def test_no_plan_fails_the_task_with_the_reason(scene, performative, content, why):
+    """Refused or failed, told by pl in either language; a sentence is no reason, but stands in the log."""
+    name, logged = scene.command(), told_in_log(scene)
     scene.pl(performative, content)
-    assert (scene.said(name)[-1], scene.last_text(name)) == ("failure failed", "the jar is out of reach")
+    assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", (why,))
+    assert logged == ([content.text] if isinstance(content, Reason) else [])
     assert scene.at_rest()
 
 
@@ -180,7 +201,7 @@ def test_cancel_while_planning_cancels_the_planning(scene):
     scene.cancel(name)
     assert scene.acts("pl") == [P.REQUEST, P.CANCEL]
     assert "inform cancelled" not in scene.said(name)
-    scene.pl(P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
     assert scene.said(name)[-1] == "inform cancelled"
     assert scene.at_rest()
     assert scene.serves()
@@ -206,8 +227,8 @@ def test_cancel_while_running_ends_as_cancelled_whatever_ta_ends_with(scene, sta
     name = scene.running()
     scene.cancel(name)
     assert scene.acts("ta")[-1] is P.CANCEL
-    scene.ta(state, reason="the jar was put down")
-    assert (scene.said(name)[-1], scene.last_text(name)) == ("inform cancelled", "the jar was put down")
+    scene.ta(state, why=(SLIPS,))
+    assert (scene.said(name)[-1], scene.last_why(name)) == ("inform cancelled", (SLIPS,))
     assert scene.acts("pl").count(P.REQUEST) == 1
     assert scene.at_rest()
     assert scene.serves()
@@ -242,12 +263,12 @@ def test_a_late_planner_fails_the_task_and_is_cancelled(scene):
     name = scene.command()
     scene.settle(61.0)
     assert scene.said(name)[-1] == "failure failed"
-    assert "planner" in scene.last_text(name)
+    assert scene.last_why(name) == (fact(Kind.NOT_ANSWERED, AgentName.PL),)
     assert scene.acts("pl") == [P.REQUEST, P.CANCEL]
     refused = scene.command()
     assert scene.said(refused) == ["refuse failed"]
-    assert "planner is not answering" in scene.last_text(refused)
-    scene.pl(P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+    assert scene.last_why(refused) == (fact(Kind.NOT_ANSWERING, AgentName.PL),)
+    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
     assert scene.at_rest()
     assert scene.serves()
 
@@ -293,19 +314,19 @@ def test_late_while_the_planning_is_cancelled_answers_the_cancel_too(scene):
     scene.cancel(name)
     scene.settle(11.0)
     assert scene.said(name)[-2:] == ["failure failed", "failure reason"]
-    scene.pl(P.FAILURE, no_plan(), kind=Kind.CANCEL)
+    scene.pl(P.FAILURE, no_plan(), kind=languages.Kind.CANCEL)
     assert scene.at_rest()
 
 
 def test_waiting_tasks_do_not_wait_for_ever_for_a_robot_that_is_late(scene):
-    """They go on when it comes back in time, and fail in words when it does not."""
+    """They go on when it comes back in time, and fail with the reason when it does not."""
     scene.running()
     waiting = scene.command()
     scene.settle(551.0)
     assert scene.said(waiting) == ["agree waiting"]
     scene.settle(61.0)
     assert scene.said(waiting)[-1] == "failure failed"
-    assert "not answering" in scene.last_text(waiting)
+    assert scene.last_why(waiting) == (fact(Kind.SAY_AGAIN_LATER, fact(Kind.NOT_ANSWERING, AgentName.TA)),)
 
 
 def test_waiting_tasks_go_on_when_the_late_robot_is_back_in_time(scene):
@@ -339,11 +360,23 @@ def test_two_tasks_are_done_one_after_the_other_in_order_of_arrival(scene):
     assert scene.at_rest()
 
 
-def test_a_queue_that_is_full_refuses_in_words(scene):
+def test_a_queue_that_is_full_refuses(scene):
     """The bound keeps the outbox to a dead hi from filling."""
     names = [scene.command() for _ in range(6)]
     assert [scene.said(name)[0] for name in names] == ["agree waiting"] * 5 + ["refuse failed"]
-    assert "5 tasks are open" in scene.last_text(names[-1])
+    assert scene.last_why(names[-1]) == (fact(Kind.TASKS_OPEN, 5),)
+
+
+def test_each_task_of_a_full_queue_hears_how_many_come_before_it(scene):
+    """With as many of them as there is room for in a report."""
+    names = [scene.command(cmd.PourInto(f"{'jar' * 10}_{number}", "bowl_1")) for number in range(5)]
+    places = [next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in names]
+    assert places[0] == (fact(Kind.IS_NEXT),)
+    for before, (place,) in enumerate(places[1:], 1):
+        assert (place.kind, place.numbers) == (Kind.TASKS_BEFORE, (before,))
+        assert {one.kind for one in place.because} == {Kind.COMES_BEFORE}
+        assert len(msgspec.msgpack.encode((place,))) <= words.MOST_BYTES
+    assert [len(place.because) for (place,) in places[1:3]] == [1, 2]
 
 
 # --- peers that slip --------------------------------------------------------------------------------------------------
@@ -377,12 +410,12 @@ def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
 
 
 @pytest.mark.parametrize("peer", ["pl", "ta"])
-def test_not_understood_of_a_peer_fails_the_task_with_its_words(scene, peer):
-    """pl or ta did not understand the request."""
-    name = scene.running() if peer == "ta" else scene.command()
-    words = Reason("no such task")
-    scene.do(peer, lambda turn: turn.say(scene.asked(peer), P.NOT_UNDERSTOOD, words))
-    assert (scene.said(name)[-1], scene.last_text(name)) == ("failure failed", "no such task")
+def test_not_understood_of_a_peer_fails_the_task(scene, peer):
+    """pl or ta did not understand the request; its words stand in the log."""
+    name, logged = scene.running() if peer == "ta" else scene.command(), told_in_log(scene)
+    scene.do(peer, lambda turn: turn.say(scene.asked(peer), P.NOT_UNDERSTOOD, Reason("no such task")))
+    assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", (fact(Kind.NOT_UNDERSTOOD, peer),))
+    assert logged == ["no such task"]
     assert scene.at_rest()
 
 
@@ -422,7 +455,7 @@ def test_policy_stop_planning_is_what_pl_does(scene):
 
 def still_looking(scene):
     """Pl puts a plan off."""
-    scene.pl(P.FAILURE, hfsm.NoPlan("p", "the look around is not over", later=True))
+    scene.pl(P.FAILURE, hfsm.NoPlan("p", (fact(Kind.LOOK_NOT_OVER),), later=True))
 
 
 def test_a_plan_that_is_put_off_is_asked_for_again(scene):
@@ -433,9 +466,9 @@ def test_a_plan_that_is_put_off_is_asked_for_again(scene):
     asked = [content.id for act, content in scene.heard("pl") if act is P.REQUEST]
     assert len(asked) == 4
     assert len(set(asked)) == 1
-    assert [content.text for _, content in scene.heard("hi", name)][1:] == [
-        "plan 1",
-        "plan 1: the robot looks around first",
+    assert [content.why for _, content in scene.heard("hi", name)][1:] == [
+        (fact(Kind.PLAN, 1),),
+        (fact(Kind.PLAN, 1, fact(Kind.LOOKS_FIRST)),),
     ]
     scene.plan()
     scene.ta(WorkerState.SUCCEEDED)
@@ -444,23 +477,23 @@ def test_a_plan_that_is_put_off_is_asked_for_again(scene):
 
 
 def test_a_plan_is_not_put_off_for_ever():
-    """After that many times the task fails with the planner's words."""
+    """After that many times the task fails with the planner's reason."""
     scene = Scene(limits=Limits(looks=2))
     name = scene.command()
     for _ in range(3):
         still_looking(scene)
-    assert (scene.said(name)[-1], scene.last_text(name)) == ("failure failed", "the look around is not over")
+    assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", (fact(Kind.LOOK_NOT_OVER),))
     assert scene.at_rest()
     assert scene.serves()
 
 
 def test_a_cancel_while_a_plan_is_put_off():
-    """Pl's words cross the cancel, whose answer ends the task."""
+    """What pl says crosses the cancel, whose answer ends the task."""
     scene = Scene(pl=lambda turn, received: None)
     name = scene.command()
     still_looking(scene)
     scene.cancel(name)
-    scene.pl(P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
     assert scene.said(name)[-1] == "inform cancelled"
     assert scene.at_rest()
 
@@ -470,8 +503,9 @@ def test_a_plan_that_was_handed_over_is_not_kept(scene):
     name = scene.running()
     assert scene.memory.first.plan is None
     scene.ta(WorkerState.RUNNING, at="main/take")
-    scene.ta(WorkerState.REPLAN, reason="the jar moved")
-    assert scene.last_text(name) == "plan 2: the jar moved"
+    moved = fact(Kind.MOVED, "jar_1", 0.1)
+    scene.ta(WorkerState.REPLAN, why=(moved,))
+    assert scene.last_why(name) == (fact(Kind.PLAN, 2, moved),)
     scene.plan()
-    scene.ta(WorkerState.RUNNING, at="the jar moved")
-    assert scene.last_text(name) == "the jar moved"
+    scene.ta(WorkerState.RUNNING, why=(moved,))
+    assert scene.last_why(name) == (moved,)

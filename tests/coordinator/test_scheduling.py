@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from partners_of_co import Scene
 
 from companion.languages import cmd
+from companion.languages.facts import Kind, fact
 from companion.languages.sw import WorkerState
 from fipa_codec.performatives import Performative as P
 from services.coordinator.memory import Choice, Job, Stage
@@ -89,11 +90,10 @@ def test_hands_that_a_task_leaves_full_are_emptied_before_the_other_goes_on():
 def test_what_is_not_said_of_an_offer_costs_nothing():
     """Nor is it urgent; and a decision by urgency alone has no costs."""
     running, waiting = Offer("pour", 0.0), Offer("take", 0.0)
-    text = "to wait costs 0, to switch 0: not below 0.9 of it"
-    assert by_costs(running, (waiting,), 0.0) == Decision("pour", text, rival="take")
+    assert by_costs(running, (waiting,), 0.0) == Decision("pour", fact(Kind.WAIT_COSTS, 0.0, 0.0), rival="take")
     urgent, other = replace(waiting, urgency=1), replace(waiting, urgency=0)
-    assert first_come(running, (urgent,), 0.0) == Decision("take", "it is more urgent", True, 0.0, 0.0, "pour")
-    assert first_come(running, (other,), 0.0) == Decision("pour", "it runs already", False, 0.0, 0.0)
+    assert first_come(running, (urgent,), 0.0) == Decision("take", fact(Kind.MORE_URGENT), True, 0.0, 0.0, "pour")
+    assert first_come(running, (other,), 0.0) == Decision("pour", fact(Kind.RUNS_ALREADY), False, 0.0, 0.0)
     assert first_come(replace(running, urgency=0), (waiting,), 0.0).task == "pour"
 
 
@@ -116,8 +116,8 @@ def test_the_deadline_that_comes_first_is_worth_a_switch_and_the_same_one_is_not
 def test_the_reason_says_whether_there_was_a_choice():
     """A person reads it."""
     one, other = Offer("pour", 0.0, rest=5.0), Offer("take", 0.0, rest=9.0)
-    assert by_costs(None, (one,), 0.0).why == "it is the only one"
-    assert by_costs(None, (one, other), 0.0).why == "it costs least to do it first"
+    assert by_costs(None, (one,), 0.0).why.kind is Kind.ONLY_ONE
+    assert by_costs(None, (one, other), 0.0).why.kind is Kind.COSTS_LEAST
 
 
 def test_nobody_waits_for_ever_behind_short_tasks():
@@ -207,13 +207,15 @@ def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
     scene = Scene()
     tasks = [scene.command(one) for one in (cmd.Take("jar"), cmd.PutDown("jar"), cmd.LookAround(urgency=1))]
     assert [type(job.command).__name__ for job in scene.memory.jobs] == ["Take", "LookAround", "PutDown"]
-    agreed = [next(said.text for act, said in scene.heard("hi", name) if act is P.AGREE) for name in tasks]
-    first, _, urgent = tasks
-    waits = f"one task comes before it: {first} (under way)"
-    assert agreed == ["it is the next one", waits, waits]
+    agreed = [next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in tasks]
+    first = fact(Kind.COMES_BEFORE, "take", "jar", fact(Kind.UNDER_WAY))
+    waits = (fact(Kind.TASKS_BEFORE, 1, first),)
+    assert agreed == [(fact(Kind.IS_NEXT),), waits, waits]
     last = scene.command(cmd.PutDown("jar"))
-    told = next(said.text for act, said in scene.heard("hi", last) if act is P.AGREE)
-    assert f"{urgent} (more urgent, 1 above 0), {tasks[1]} (said before)" in told
+    told = next(said.why for act, said in scene.heard("hi", last) if act is P.AGREE)
+    urgent = fact(Kind.COMES_BEFORE, "look_around", fact(Kind.MORE_URGENT))
+    other = fact(Kind.COMES_BEFORE, "put_down", "jar", fact(Kind.SAID_BEFORE))
+    assert told == (fact(Kind.TASKS_BEFORE, 3, first, urgent, other),)
 
 
 # --- a running task is left for a more urgent one ---------------------------------------------------------------------
@@ -229,7 +231,7 @@ def test_a_running_task_is_left_for_a_more_urgent_one_and_done_afterwards(scene)
     scene.ta(WorkerState.TERMINATING)
     scene.ta(WorkerState.PREEMPTED)
     assert scene.said(pour)[-1] == "inform suspended"
-    assert scene.last_text(pour) == f"{urgent} (look around): it is more urgent; it comes first"
+    assert scene.last_why(pour) == (fact(Kind.LEFT_FOR, "look_around", fact(Kind.MORE_URGENT)),)
     scene.plan(5.0)
     scene.ta(WorkerState.SUCCEEDED)
     assert scene.said(urgent)[-1] == "inform done"
@@ -258,8 +260,9 @@ def test_done_before_it_could_be_left(scene):
 def test_a_task_that_could_not_be_left_safely_fails_with_the_reason(scene):
     """The report names the held thing; the urgent task comes all the same."""
     pour, _ = scene.running(), scene.command(URGENT)
-    scene.ta(WorkerState.FAILED, reason="not everything could be put down (held: jar_1)")
-    assert (scene.said(pour)[-1], "jar_1" in scene.last_text(pour)) == ("failure failed", True)
+    held = (fact(Kind.STILL_HELD, "jar_1"),)
+    scene.ta(WorkerState.FAILED, why=held)
+    assert (scene.said(pour)[-1], scene.last_why(pour)) == ("failure failed", held)
     assert scene.state == "compSP"
 
 

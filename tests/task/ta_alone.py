@@ -7,6 +7,7 @@ from scripted_partner import Open, Say, partner
 from agent_runtime.testing.wires import Wires
 from companion.binding import wiring
 from companion.languages import hfsm, rc, sw
+from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Side
 from fipa_codec.performatives import Performative as P
 from services.task import behaviours
@@ -15,6 +16,8 @@ BODY = BodyPosture(0.0, (0.0,) * 7, (0.0,) * 7, (0.0, 0.0), (0.0,) * 4, (0.0,) *
 LOOK = rc.Look("plan/1", ((1.0, 0.0, 1.0),))
 HOME = rc.Home("plan/2", Side.LEFT)
 OK = hfsm.Outcome.SUCCEEDED
+STUCK = (fact(Kind.NO_WAY_HOME, Side.LEFT),)
+CANCELLED = (fact(Kind.CANCELLED),)
 
 
 def plan(*states: hfsm.State) -> hfsm.HierarchicalPlan:

@@ -230,7 +230,9 @@ def fact(kind: Kind, *parts: Any) -> Fact:
     for name in kind.parts:
         field = _FIELDS[name.partition(":")[0]]
         if name == "because":
-            found[field], left = [one for part in left for one in ((part,) if isinstance(part, Fact) else part)], []
+            reasons = [one for part in left for one in (part if isinstance(part, tuple) else (part,))]
+            found[field] = [one for one in reasons if isinstance(one, Fact)]
+            left = [one for one in reasons if not isinstance(one, Fact)]
         elif name == "things":
             while left and isinstance(left[0], str):
                 found[field].append(left.pop(0))
@@ -252,6 +254,8 @@ def fact(kind: Kind, *parts: Any) -> Fact:
 
 _FIELDS = {"a": "things", "b": "things", "things": "things", "side": "side", "x": "numbers", "y": "numbers",
            "w": "words", "v": "words", "because": "because"}  # fmt: skip
+_BECAUSE_BYTES = len(msgspec.msgpack.encode("because")) + 3
+"""Of the name and the length of reasons."""
 
 
 def _name(word: object) -> str:
@@ -260,12 +264,16 @@ def _name(word: object) -> str:
 
 
 def fitting(facts: Facts, room: int) -> Facts:
-    """Return the first facts, as many as fit into so many bytes."""
+    """Return the first facts, as many as fit into so many bytes; the last one with as many of its reasons."""
     told: list[Fact] = []
     for one in facts:
-        if (room := room - len(msgspec.msgpack.encode(one))) < 0:
+        if (left := room - len(msgspec.msgpack.encode(one))) < 0:
+            bare = msgspec.structs.replace(one, because=())
+            if (left := room - len(msgspec.msgpack.encode(bare)) - _BECAUSE_BYTES) >= 0:
+                told.append(msgspec.structs.replace(one, because=fitting(one.because, left)))
             break
         told.append(one)
+        room = left
     return tuple(told)
 
 

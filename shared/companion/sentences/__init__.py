@@ -3,6 +3,7 @@
 Three catalogues, operator.toml, en.toml and pl.toml, have a row for each kind of fact. No program reads a sentence.
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from enum import StrEnum
 from functools import cache
@@ -26,6 +27,7 @@ class Reader(StrEnum):
 class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A catalogue. `fact`: a template for each kind; `side`, `thing`: their forms, for one without a number and, in
     English, for one with a number; `unit`: its name and its size in it; the others: words for the words in facts.
+    A process may be named by its agent.
     """
 
     fact: dict[str, str]
@@ -40,6 +42,7 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unit: dict[str, tuple[str, float]]
     furniture: dict[str, str] = {}
     state: dict[str, str] = {}
+    process: dict[str, str] = {}
     joined: dict[str, str] = msgspec.field(name="and", default_factory=dict)
 
 
@@ -87,10 +90,10 @@ def thing(name: str, reader: Reader, form: int = 0) -> str:
 
 def _with_reasons(fact: Fact) -> str:
     template, because = catalogue(Reader.OPERATOR).fact[fact.kind], operator(fact.because)
-    if "{because}" in template:
-        return template.format(because=because, **_parts(fact, Reader.OPERATOR))
-    said = template.format(**_parts(fact, Reader.OPERATOR))
-    return f"{said}: {because}" if because else said
+    said = _GAP.sub("", template.format(because=because, **_parts(fact, Reader.OPERATOR)))
+    if "{because}" in template or not because:
+        return said.strip("; ")
+    return f"{said}: {because}"
 
 
 def _sentences(facts: Iterable[Fact], reader: Reader) -> Iterator[str]:
@@ -110,14 +113,13 @@ def _parts(fact: Fact, reader: Reader) -> dict[str, object]:
         if name == "things":
             found[name] = _listed([thing(one, reader) for one in things], rows)
         elif name == "side":
-            found[name] = _forms(rows.side[fact.side] if fact.side else ("",))
+            found[name] = _forms(rows.side[fact.side] if fact.side else ("",) * 5)
         elif name in ("a", "b"):
             found[name] = _thing(next(things, ""), reader)
         elif name in ("x", "y"):
-            found[name] = _number(next(numbers, 0.0), of, rows)
+            found[name] = _number(next(numbers, 0.0), of, reader)
         elif name in ("w", "v"):
-            word = next(words, "")
-            found[name] = getattr(rows, of, {}).get(word, word.replace("_", " "))
+            found[name] = _word(next(words, ""), of, reader)
     if "a" not in found:
         found["a"] = ""
     for name in ("w", "v"):  # a claim names its thing, a fault its number
@@ -130,6 +132,22 @@ def _listed(words: list[str], rows: Catalogue) -> str:
     if len(words) < 2:
         return "".join(words)
     return f"{rows.joined['many'].join(words[:-1])}{rows.joined['two']}{words[-1]}"
+
+
+def _word(word: str, of: str, reader: Reader) -> str:
+    """Return a word of a list in words, which may name parts of the fact; one that is in no list as it is read."""
+    rows = catalogue(reader)
+    for known in (getattr(rows, of, {}), rows.process, rows.agent):
+        if word in known:
+            return str(known[word])
+    plain = str(_thing(word, reader)) if _ID.fullmatch(word) else _HUMP.sub(" ", word.replace("_", " ")).lower()
+    return plain.replace("{", "{{").replace("}", "}}")
+
+
+_ID = re.compile(r"[a-z]+_\d+")
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_GAP = re.compile(r" +(?=[;,:)]|$)")
+"""Where a part is empty."""
 
 
 def _thing(name: str, reader: Reader) -> _Forms:
@@ -148,13 +166,20 @@ def _forms(forms: tuple[str, ...]) -> _Forms:
     return word
 
 
-def _number(value: float, unit: str, rows: Catalogue) -> str:
-    """Return a number with its unit, to three digits; a count has none."""
-    if unit not in rows.unit:
-        return f"{value:.0f}"
-    name, size = rows.unit[unit]
-    return f"{float(f'{value * size:.{_digits(rows)}g}'):g} {name}"
+def _number(value: float, unit: str, reader: Reader) -> str:
+    """Return a number with its unit, to three digits, for a person to two; a count has no unit."""
+    units, digits = catalogue(reader).unit, 3 if reader is Reader.OPERATOR else 2
+    if unit not in units:
+        return _plain(value, 0)
+    if unit == "s" and value >= 120.0 and reader is not Reader.OPERATOR:
+        unit, value = "min", float(f"{value / 60.0:.0f}")
+    name, size = units[unit]
+    text = _plain(float(f"{value * size:.{digits}g}"), 6)
+    return f"{text.replace('.', ',') if reader is Reader.POLISH else text} {name}"
 
 
-def _digits(rows: Catalogue) -> int:
-    return 2 if rows.furniture else 3  # a person needs fewer; only the catalogues for persons name furniture
+def _plain(value: float, decimals: int) -> str:
+    """Return a number without an exponent, without zeros at its end, and without the sign of a zero."""
+    text = f"{value:.{decimals}f}"
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    return "0" if text == "-0" else text
