@@ -34,7 +34,7 @@ from pour_one_process import Run
 
 from companion.languages import facts, hfsm, rc
 from companion.languages.cmd import BACK
-from companion.languages.facts import Fact, Facts
+from companion.languages.facts import Facts
 from companion.sentences import operator
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import KNOT_S, Motion
@@ -494,14 +494,7 @@ def judged(said: str, why: Facts, good: bool, dropped: bool) -> str:
         return "right done" if good else "FALSE done"
     if not good:
         return "right failed"
-    return "unsure" if any(one.kind in UNSURE for one in everything(why)) else "false failed"
-
-
-def everything(why: Facts) -> Iterator[Fact]:
-    """Yield facts with their reasons."""
-    for one in why:
-        yield one
-        yield from everything(one.because)
+    return "unsure" if any(one.kind in UNSURE for one in facts.with_reasons(why)) else "false failed"
 
 
 OVER = "simulated time is over"

@@ -9,6 +9,7 @@ from collections.abc import Generator
 
 from agent_runtime.io.devices import Post
 from companion.languages import hfsm, rc, wm
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from services.planner.local import Answer, Ask, Begin, Found, NotFound, Stop
 
@@ -49,7 +50,7 @@ class Script:
             query = next(self._work) if answer is None else self._work.send(answer)
         except StopIteration as stop:
             found = stop.value
-            word = NotFound(self._attempt, found) if isinstance(found, str) else Found(self._attempt, found)
+            word = NotFound(self._attempt, found) if isinstance(found, tuple) else Found(self._attempt, found)
             self._post(word, THINK_S)
             return
         self._asked.append(query)
@@ -62,10 +63,10 @@ def pour(network: hfsm.GroundTaskNetwork) -> Searching:
         return plan_of(network, [("look around", [look("jar_1")])])
     known = yield wm.ListObjects()
     if isinstance(known, wm.Unknown):
-        return known.reason
+        return known.why
     names = {one.id for one in known.objects} if isinstance(known, wm.Objects) else set()
     if not {"jar_1", "bowl_1"} <= names:
-        return f"no jar or no bowl has been seen (seen so far: {', '.join(sorted(names)) or 'nothing'})"
+        return (fact(Kind.NOT_SEEN, "jar"), fact(Kind.SEEN, *sorted(names)) if names else fact(Kind.SEEN_NOTHING))
     state = ""
     for number in range(4):  # a chain of hypotheses, each asked something
         made = yield wm.HypotheticalState(state=state, id=f"{network.id}/{number}")
@@ -121,7 +122,10 @@ def plan_of(network: hfsm.GroundTaskNetwork, todo: list[tuple[str, list[rc.Act]]
     states: list[hfsm.State] = list(machines)
     if todo[-1][0].startswith("look at"):
         query = wm.Holds(relation="hasExactPose", subject="bowl_1")
-        states += [hfsm.AskState("is bowl_1 localized?", query), hfsm.EndState("replan", REPLAN, "localized now")]
+        states += [
+            hfsm.AskState("is bowl_1 localized?", query),
+            hfsm.EndState("replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),)),
+        ]
     chained = chain(states)
     root = hfsm.Machine(network.tasks[0].name, chained[0].name, chained)
     return hfsm.HierarchicalPlan(network.id, network.tasks[0].name, root, 4.0 * len(todo), 12)

@@ -6,6 +6,7 @@ from agent_runtime.core.wiring import Link
 from agent_runtime.testing.alone import Alone
 from companion.binding import wiring
 from companion.languages import cmd
+from companion.languages.facts import Kind, fact
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import named
 from fipa_codec.tables import Role
@@ -55,7 +56,7 @@ def test_a_plan_without_content_fails_the_task_in_words() -> None:
     (planning,) = [say.conversation for say in one.said if say.receiver == "pl"]
     one.answer(planning, Performative.INFORM)
     assert one.answers(asked)[-1] is Performative.FAILURE
-    assert "the planner said inform and no reason" in [getattr(one.content(word), "text", "") for word in one.said]
+    assert (fact(Kind.NO_REASON, "pl"),) in [getattr(one.content(word), "why", ()) for word in one.said]
     one.ask("hi", "request", Performative.REQUEST, cmd.PourInto("jar", "bowl"))
     assert [word.receiver for word in one.said].count("pl") == 2
     assert not [line for line in one.logs if line.event == "step outside the design"]

@@ -14,7 +14,7 @@ from agent_runtime.io.devices import Post
 from agent_runtime.testing.wires import Faults, Point
 from companion.languages import CMD, WM, rc, wm
 from companion.languages.cmd import TaskReport
-from companion.languages.facts import Facts, Kind, fact
+from companion.languages.facts import Facts, Kind, fact, with_reasons
 from companion.languages.values import Pose
 from services.coordinator import words
 from services.executor.local import Ended, Felt, Move, Perform
@@ -147,7 +147,7 @@ def test_the_robot_cannot_look() -> None:
     """After some tries the reason is told; once it can, the next command is carried out."""
     fleet = fleet_with(Blind)
     fleet.say(POUR)
-    assert refused(fleet, 30.0) == "nothing has been looked at: the look around failed: no light"
+    assert refused(fleet, 30.0) == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.NOTHING_IS_SEEN)),)
     fleet.close()
 
 
@@ -155,7 +155,7 @@ def test_ex_dead_for_good(fleet: Fleet) -> None:
     """The wait for a look around that nobody makes ends in words; once ex is back, commands are served."""
     fleet.wires.crash("ex", Point.BEFORE, restart_s=900.0)
     fleet.say(POUR)
-    assert "nothing has been looked at: the robot does not answer" in refused(fleet, 120.0)
+    assert refused(fleet, 120.0) == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.NOT_ANSWERING, "ex")),)
     fleet.wires.run(fleet.at_rest, limit_s=1200.0)
     fleet.say(POUR)
     assert fleet.finish(2) == ["failed", "done"]
@@ -165,7 +165,7 @@ def test_ta_dead_for_good(fleet: Fleet) -> None:
     """km waits a while for an observer, and says that there is none; once ta is there, commands are served."""
     fleet.wires.crash("ta", Point.BEFORE, restart_s=900.0)
     fleet.say(POUR)
-    assert "nothing has been looked at: ta, which has the robot look, is not there" in refused(fleet, 60.0)
+    assert refused(fleet, 60.0) == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.OBSERVER_AWAY)),)
     fleet.wires.run(fleet.at_rest, limit_s=1200.0)
     fleet.say(POUR)
     assert fleet.finish(2) == ["failed", "done"]
@@ -199,7 +199,7 @@ def test_ta_dies_for_good_amid_it() -> None:
     fleet.wires.run_for(30.0)
     fleet.wires.crash("ta", Point.BEFORE, restart_s=9000.0)
     fleet.wires.run(lambda: not fleet.up("ta"))
-    assert "is not there" in refused(fleet, 60.0)
+    assert refused(fleet, 60.0) == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.OBSERVER_AWAY)),)
     fleet.close()
 
 
@@ -207,7 +207,7 @@ def test_a_silent_robot() -> None:
     """ex gives its skill up each time, ta after some tries."""
     fleet = fleet_with(Silent)
     fleet.say(POUR)
-    assert "the look around failed: the skill found no motion" in refused(fleet, TIRED_S)
+    assert [one.kind for one in with_reasons(refused(fleet, TIRED_S))] == [Kind.NOT_LOOKED_AROUND, Kind.NO_MOTION_FOUND]
     fleet.close()
 
 
@@ -216,13 +216,13 @@ def test_a_look_around_on_command(fleet: Fleet) -> None:
     fleet.world.poses.clear()
     fleet.wires.crash("ex", Point.BEFORE, restart_s=200.0)
     fleet.say(POUR)
-    assert "does not answer" in refused(fleet, 120.0)
+    assert fact(Kind.NOT_ANSWERING, "ex") in with_reasons(refused(fleet, 120.0))
     fleet.wires.run(fleet.at_rest, limit_s=400.0)
     fleet.say("look around")
     assert fleet.finish(2) == ["failed", "done"]
     fleet.say(POUR)
     fleet.finish(3)
-    assert "seen so far: nothing" in fleet.tasks[-1].text, "the world was looked at: it is empty"
+    assert fact(Kind.SEEN_NOTHING) in fleet.tasks[-1].why, "the world was looked at: it is empty"
 
 
 @pytest.mark.parametrize("seed", range(10))

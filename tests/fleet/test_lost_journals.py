@@ -3,6 +3,8 @@
 import pytest
 from pretended_fleet import FINAL, Fleet
 
+from companion.languages.facts import Kind
+
 AT = (0.15, 0.4, 0.6, 0.75, 0.9)
 """Parts of the steps that the victim makes in the story."""
 
@@ -36,8 +38,8 @@ def test_a_task_ends_and_the_fleet_is_at_rest(victim: str, part: float, counted:
         fleet.wires.run(fleet.ended, limit_s=3600.0)
         ends = [task for task in fleet.tasks if task.state in FINAL]
         assert ends
-        why = "seen" if victim == "km" else "lost its memory"  # km forgets the world, not a conversation
-        assert all(task.state == "done" or why in task.text for task in ends), ends
+        why = Kind.NOT_SEEN if victim == "km" else Kind.BROKE_OFF  # km forgets the world, not a conversation
+        assert all(task.state == "done" or why in [one.kind for one in task.why] for task in ends), ends
     fleet.wires.run(fleet.at_rest, limit_s=900.0)
     fleet.close()
 
@@ -57,6 +59,6 @@ def test_a_shorter_journal_ends_the_task_too(victim: str, part: float, back: int
     fleet.wires.run(lambda: node.steps >= 1 + int(part * counted[victim]) or fleet.ended(), limit_s=3600.0)
     fleet.wires.put_back(victim, kept[max(0, len(kept) - 1 - back)])
     fleet.wires.run(fleet.ended, limit_s=3600.0)
-    assert all(task.state == "done" or task.text for task in fleet.tasks), fleet.tasks
+    assert all(task.state == "done" or task.why for task in fleet.tasks), fleet.tasks
     fleet.wires.run(fleet.at_rest, limit_s=900.0)
     fleet.close()

@@ -58,7 +58,7 @@ def all_end(fleet: Fleet, words: list[tuple[float, str]]) -> None:
     fleet.wires.run_for(WITHIN_S + 1.0)
     fleet.wires.run(lambda: all(task.state in FINAL for task in fleet.tasks), limit_s=3000.0)
     fleet.wires.run(fleet.at_rest, limit_s=600.0)
-    assert all(task.text for task in fleet.tasks if task.state == "failed")
+    assert all(task.why for task in fleet.tasks if task.state == "failed")
     assert set(told_ends(fleet)) == {task.task for task in fleet.tasks}
     assert set(told_ends(fleet).values()) <= {1}
     assert {one.ticket for one in fleet.answers()} == {f"t{number}" for number in range(len(words))}

@@ -133,8 +133,8 @@ def test_a_story_in_which_an_act_that_waits_is_given_up(fleet, done, end: str, a
 def test_a_story_in_which_an_act_under_way_is_given_up(fleet, done) -> None:
     """The operator wants another plan."""
     begun(fleet, Level.AUTO)
-    fleet.wires.run(lambda: fleet.wires.nodes["ex"].state.state == "acting" and "/" in fleet.tasks[0].text)
-    say(fleet, Verb.REPLAN, fleet.tasks[0].text)
+    fleet.wires.run(lambda: fleet.wires.nodes["ex"].state.state == "acting" and "/" in fleet.tasks[0].at)
+    say(fleet, Verb.REPLAN, fleet.tasks[0].at)
     fleet.finish()
     assert fleet.reports()[0] == "Replan"
     assert Follower(DESIGN).follow(done) is None

@@ -1,7 +1,6 @@
 """Gate (b): all six agents in memory, with the true search, the true skills, the true loop and simulated physics."""
 
 import os
-import re
 import signal
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from agent_runtime.core.effects import Effects
 from agent_runtime.io.devices import Post
 from companion.eyes import Eyes
 from companion.languages import SW, sw
+from companion.languages.facts import Facts, Kind, fact
 from services.executor.device import RobotDevice
 from services.executor.local import Setup
 from services.executor.loop.core import LoopCore
@@ -55,7 +55,7 @@ def test_six_agents_pour(eyes: Eyes) -> None:
         assert truth.grains_in["bowl_1"] >= 0.9 * truth.grains
         assert truth.fingers_on["jar_1"]["left"] >= 3
         assert truth.tilt_deg["bowl_1"] < 10.0
-        assert "g in bowl_1" in words(fleet), words(fleet)
+        assert Kind.ARRIVED in [one.kind for one in told(fleet)], told(fleet)
     finally:
         fleet.close()
 
@@ -74,8 +74,9 @@ def test_content_that_falls_beside_the_bowl_is_not_called_poured(tmp_path: Path)
         truth = fleet.truth.read()
         assert truth.grains_in["jar_1"] == 0
         assert truth.grains_in["bowl_1"] < 0.9 * truth.grains, "less than what counts as poured"
-        assert re.search(r"(59|60|61) g left jar_1", words(fleet)), words(fleet)
-        assert "the rest is not there" in words(fleet)
+        (left,) = (one.numbers[0] for one in told(fleet) if one.kind is Kind.LEFT)
+        assert left == pytest.approx(0.06, abs=0.0015), told(fleet)
+        assert fact(Kind.REST_NOT_THERE, "bowl_1") in told(fleet)
     finally:
         fleet.close()
 
@@ -119,7 +120,8 @@ def children(pid: int) -> list[int]:
     ]
 
 
-def words(fleet: TrueFleet) -> str:
-    """Return the reason of ta's last report."""
+def told(fleet: TrueFleet) -> Facts:
+    """Return why ta's last report is as it is."""
     said = [one for one in fleet.wires.traffic if (one.sender, one.receiver) == ("ta", "co")]
-    return str(SW.decode([one for one in said if str(one.performative) == "inform"][-1].content).reason)
+    report: sw.Report = SW.decode([one for one in said if str(one.performative) == "inform"][-1].content)
+    return report.why

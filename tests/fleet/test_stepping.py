@@ -8,6 +8,7 @@ from agent_runtime.core.control import SetParameter
 from agent_runtime.core.step import OUTSIDE
 from companion.autonomy import STEP, WAIT_S, Level, Verb
 from companion.languages.cmd import TaskState
+from companion.languages.facts import Kind, fact
 from services.human_interface.grammar import understand
 from services.human_interface.local import Said
 
@@ -48,7 +49,7 @@ def test_nothing_moves_while_an_act_waits(fleet) -> None:
         assert (acts(fleet), asked(fleet)) == (before, leaf)
         say(fleet, Verb.GO)
         fleet.wires.run(lambda before=before: acts(fleet) > before)
-        assert (fleet.tasks[0].text, asked(fleet)) == (leaf, "")
+        assert (fleet.tasks[0].at, asked(fleet)) == (leaf, "")
     set_level(fleet, Level.AUTO)
     assert fleet.finish() == ["done"]
     assert within_design(fleet)
@@ -64,8 +65,7 @@ def test_who_does_not_come_ends_the_plan_and_moves_nothing(fleet) -> None:
     before = acts(fleet)
     assert fleet.finish(limit_s=WAIT_S + 60.0) == ["failed"]
     assert acts(fleet) == before
-    assert "within 10 min" in fleet.tasks[0].text
-    assert "jar_1" in fleet.tasks[0].text
+    assert fleet.tasks[0].why == (fact(Kind.NOBODY_CAME, WAIT_S / 60.0), fact(Kind.HOLDING, "jar_1"))
     set_level(fleet, Level.AUTO)
     fleet.say("look around")
     assert fleet.finish(2)[-1] == "done"
@@ -184,8 +184,8 @@ def test_a_new_plan_instead_of_the_act_that_waits(fleet) -> None:
 def test_a_new_plan_instead_of_the_act_under_way(fleet) -> None:
     """The act is ended safely before the plan is left, and nothing of it is begun again."""
     begun(fleet, Level.AUTO)
-    fleet.wires.run(lambda: fleet.wires.nodes["ex"].state.state == "acting" and "/" in fleet.tasks[0].text)
-    say(fleet, Verb.REPLAN, fleet.tasks[0].text)
+    fleet.wires.run(lambda: fleet.wires.nodes["ex"].state.state == "acting" and "/" in fleet.tasks[0].at)
+    say(fleet, Verb.REPLAN, fleet.tasks[0].at)
     fleet.wires.run(lambda: bool(fleet.reports()))
     assert fleet.reports() == ["Replan"]
     assert fleet.wires.nodes["ex"].state.state == "idle"

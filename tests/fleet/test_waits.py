@@ -5,12 +5,13 @@ from scripted_search import Script
 
 from agent_runtime.testing.wires import Point
 from companion.languages import wm
+from companion.languages.facts import Facts, Kind, fact
 from services.planner.local import Answer, Begin, Died
 
 
-def text(fleet: Fleet) -> str:
-    """Return hi's last text about the first task."""
-    return fleet.tasks[0].text
+def why(fleet: Fleet) -> Facts:
+    """Return what hi was told last of the first task."""
+    return fleet.tasks[0].why
 
 
 def test_an_empty_world(fleet) -> None:
@@ -18,7 +19,7 @@ def test_an_empty_world(fleet) -> None:
     fleet.world.poses.clear()
     fleet.say("pour the jar into the bowl")
     assert fleet.finish() == ["failed"]
-    assert "has been seen" in text(fleet)
+    assert why(fleet)[0] == fact(Kind.NOT_SEEN, "jar")
     fleet.say("look around")
     assert fleet.finish(2)[-1] == "done"
 
@@ -35,7 +36,7 @@ def test_blind_for_good(fleet) -> None:
     fleet.wires.crash("ex", Point.BEFORE, in_steps=1, restart_s=120.0)
     fleet.say("pour the jar into the bowl")
     fleet.wires.run(fleet.ended, limit_s=100.0)
-    assert "nothing" in text(fleet)
+    assert why(fleet)[0].kind is Kind.NOT_LOOKED_AROUND
 
 
 def test_km_away_while_planning(fleet) -> None:
@@ -44,7 +45,7 @@ def test_km_away_while_planning(fleet) -> None:
     fleet.wires.crash("km", Point.BEFORE, in_steps=1, restart_s=50.0)
     fleet.say("pour the jar into the bowl")
     fleet.wires.run(fleet.ended, limit_s=100.0)
-    assert "km does not answer" in text(fleet)
+    assert why(fleet) == (fact(Kind.NOT_ANSWERED, "km"),)
     fleet.wires.run_for(60.0)
     fleet.say("pour the jar into the bowl")
     assert fleet.finish(2)[-1] == "done"
@@ -56,7 +57,7 @@ def test_km_away_at_the_barrier(fleet) -> None:
     fleet.wires.run(lambda: "Look" in str(type(getattr(fleet.wires.memory("ex").act, "command", ""))) and seen(fleet))
     fleet.wires.crash("km", Point.BEFORE, in_steps=1, restart_s=300.0)
     fleet.wires.run(fleet.ended, limit_s=200.0)
-    assert "observations pending" in text(fleet)
+    assert fact(Kind.NOT_OBSERVED_YET) in why(fleet)
     fleet.wires.run(fleet.at_rest, limit_s=400.0)
 
 
@@ -71,7 +72,7 @@ def test_ex_away_in_an_act(fleet) -> None:
     fleet.wires.run(lambda: seen(fleet) and fleet.wires.nodes["ex"].state.state == "acting")
     fleet.wires.crash("ex", Point.BEFORE, in_steps=1, restart_s=600.0)
     fleet.wires.run(fleet.ended, limit_s=500.0)
-    assert "did not answer in time" in text(fleet)
+    assert why(fleet) == (fact(Kind.NOT_ANSWERED, "ta"),)
     fleet.wires.run(fleet.at_rest, limit_s=900.0)
     fleet.say("pour the jar into the bowl")
     assert fleet.finish(2)[-1] == "done"
@@ -101,5 +102,5 @@ def test_the_search_dies() -> None:
     fleet = Fleet(search=lambda post: Dying(post, []))
     fleet.say("pour the jar into the bowl")
     assert fleet.finish() == ["failed"]
-    assert "MemoryError: too large" in text(fleet)
+    assert why(fleet) == (fact(Kind.ENDED, "search"),)
     fleet.close()

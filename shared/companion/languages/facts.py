@@ -4,6 +4,7 @@ Programs decide by kinds and parts. Sentences are made where a person reads them
 """
 
 import re
+from collections.abc import Iterator
 from enum import StrEnum
 from typing import Any, Self
 
@@ -261,6 +262,13 @@ _BECAUSE_BYTES = len(msgspec.msgpack.encode("because")) + 3
 def _name(word: object) -> str:
     """Return a word as it can be read (Of): a person may have used other letters, and blanks."""
     return re.sub(r"[^!-~]", "_", str(word))[:64]
+
+
+def with_reasons(facts: Facts) -> Iterator[Fact]:
+    """Yield facts, each with its reasons behind it, however deep."""
+    for one in facts:
+        yield one
+        yield from with_reasons(one.because)
 
 
 def fitting(facts: Facts, room: int) -> Facts:
