@@ -44,7 +44,7 @@ def refused(agent: Agent) -> bool:
     state = _holding(state, talk)
     answer = Communicate(
         performative=P.REFUSE,
-        content=SW.encode(sw.Report(sw.WorkerState.FAILED, reason="no")),
+        content=SW.encode(sw.Report(sw.WorkerState.FAILED)),
         language="SW",
         protocol="coordinate",
         in_reply_to=asked.reply_with,
