@@ -14,6 +14,7 @@ from agent_runtime.io.devices import Post
 from agent_runtime.testing.wires import Faults, Point
 from companion.languages import CMD, WM, rc, wm
 from companion.languages.cmd import TaskReport
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose
 from services.coordinator import words
 from services.executor.local import Ended, Felt, Move, Perform
@@ -22,6 +23,7 @@ from services.knowledge.observe import observed
 from services.knowledge.scene import Scene
 
 POUR = "pour the jar into the bowl"
+NO_LIGHT = (fact(Kind.NOTHING_IS_SEEN),)
 SLOW_S = 25.0
 TIRED_S = 300.0  # by then every command has ended that waits for a robot which never looks: estimate, some tries long
 
@@ -57,7 +59,7 @@ class Blind(Robot):
         """Have no look done."""
         if isinstance(content, Perform) and isinstance(content.command, rc.Look):
             kept = content.remembered
-            self._post(Ended(content.number, kept.not_done(content.command.key, "failed", "no light"), kept), 0.01)
+            self._post(Ended(content.number, kept.not_done(content.command.key, "failed", NO_LIGHT), kept), 0.01)
         else:
             super().tell(content)
 

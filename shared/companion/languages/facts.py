@@ -125,6 +125,7 @@ class Kind(StrEnum):
     MET_SOMETHING = "met-something", "side a x:m"  # above the place of the thing
     NO_OPENING = "no-opening", "a"
     INTO_ITSELF = "into-itself", "a"
+    LINE_ENDS = "line-ends", "x:percent w:limit"  # of a straight way of the hand: by reach, jump or collision
     # The body
     NOT_FOLLOWED = "not-followed", "w:part x:rad"
     FINGER_NOT_FOLLOWED = "finger-not-followed", "side x:number y:rad"
