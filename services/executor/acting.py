@@ -5,6 +5,7 @@ from msgspec.structs import replace
 from agent_runtime.core.events import Local, Woken
 from agent_runtime.core.turn import Turn
 from companion.languages import rc
+from companion.languages.facts import Facts, Kind, fact
 from services.executor.local import (
     Brake,
     Crashed,
@@ -24,6 +25,7 @@ from services.executor.loop.program import KNOT_S, Motion, Phase
 from services.executor.memory import Memory
 
 PATIENCE = "patience"
+LOOP, SKILL = "loop", "skill_process"
 COMPUTE_WITHIN_S = 60.0  # estimate: as for the first motion of a skill
 MOTION_SLACK, MOTION_MARGIN_S = 5.0, 30.0  # estimate: a hand closes in 10 s; a loaded machine is slower than real time
 
@@ -42,10 +44,10 @@ def duration(motion: Motion) -> float:
     return len(motion.knots) / (15 * 8) * KNOT_S + motion.settle_s
 
 
-def lost(memory: Memory, reason: str) -> Memory:
+def lost(memory: Memory, why: Facts) -> Memory:
     """Note that the outcome cannot be known; the robot only has to come to rest now."""
     assert memory.act is not None
-    return replace(memory, act=replace(memory.act, lost=reason), soft=replace(memory.soft, motion=None))
+    return replace(memory, act=replace(memory.act, lost=why), soft=replace(memory.soft, motion=None))
 
 
 def follow(memory: Memory, turn: Turn) -> Memory:
@@ -63,16 +65,34 @@ def follow(memory: Memory, turn: Turn) -> Memory:
             return _moved(memory, turn, felt)
         case Local(content=Move(number=number) as move) if number == memory.number:
             return _wanted(memory, turn, move)
-        case Local(content=Ended(number=number, outcome=outcome, remembered=kept)) if number == memory.number:
-            return replace(memory, act=replace(act, outcome=outcome), remembered=kept)
-        case Local(content=Lost(number=number, reason=reason)) if number == memory.number:
-            return lost(memory, reason)
-        case Local(content=Crashed(reason=reason)):
-            return _without_skill(memory, turn, f"the skill's process ended: {reason}")
+        case Local(content=Ended(number=number) as end) if number == memory.number:
+            return over(memory, turn, end)
+        case Local(content=Lost(number=number) as loss) if number == memory.number:
+            return lost(memory, logged(turn, loss))
+        case Local(content=Crashed() as crash):
+            return _without_skill(memory, turn, logged(turn, crash))
         case Woken(name=name) if name == PATIENCE:
-            return _without_skill(memory, turn, "the loop or the skill gives no answer")
+            silent = LOOP if memory.soft.moving else SKILL
+            return _without_skill(memory, turn, (fact(Kind.GAVE_NO_ANSWER, silent),))
         case _:
             return memory
+
+
+def over(memory: Memory, turn: Turn, end: Ended) -> Memory:
+    """Note the outcome of the skill."""
+    assert memory.act is not None
+    if end.text:
+        turn.log("the skill cannot make a motion", level="warning", reason=end.text)
+    return replace(memory, act=replace(memory.act, outcome=end.outcome), remembered=end.remembered)
+
+
+def logged(turn: Turn, end: Lost | Crashed) -> Facts:
+    """Log the end of loop or skill process, and return it as facts."""
+    if isinstance(end, Lost):
+        turn.log("the loop is lost", level="warning", reason=end.text)
+        return end.why
+    turn.log("the skill's process ended", level="warning", reason=end.reason)
+    return (fact(Kind.ENDED, SKILL),)
 
 
 def _moved(memory: Memory, turn: Turn, felt: Felt) -> Memory:
@@ -82,6 +102,8 @@ def _moved(memory: Memory, turn: Turn, felt: Felt) -> Memory:
     """
     act = memory.act
     assert act is not None
+    if felt.text:
+        turn.log("the loop refused or failed", level="warning", reason=felt.text)
     if act.cancelling and not act.broken_off and felt.ended == Phase.DONE:
         felt = replace(felt, ended=str(Phase.CANCELLED))
     broken_off = act.broken_off or (act.cancelling and felt.ended == Phase.CANCELLED)
@@ -97,17 +119,18 @@ def _wanted(memory: Memory, turn: Turn, move: Move) -> Memory:
     assert act is not None
     memory = replace(memory, remembered=move.remembered)
     if act.cancelling and not act.broken_off and memory.soft.felt is not None:
-        turn.tell(Feel(memory.number, replace(memory.soft.felt, ended=str(Phase.CANCELLED), reason="cancelled")))
+        cancelled = replace(memory.soft.felt, ended=str(Phase.CANCELLED), why=(fact(Kind.CANCELLED),))
+        turn.tell(Feel(memory.number, cancelled))
         return replace(memory, act=replace(act, broken_off=True))
     return replace(memory, soft=replace(memory.soft, motion=move.motion))
 
 
-def _without_skill(memory: Memory, turn: Turn, reason: str) -> Memory:
+def _without_skill(memory: Memory, turn: Turn, why: Facts) -> Memory:
     """End an act whose skill is gone: interrupted if the robot is at rest, unknown outcome if it moves."""
     act = memory.act
     assert act is not None
     if memory.soft.moving:
-        return lost(memory, reason)
+        return lost(memory, why)
     turn.tell(Drop(memory.number))
-    outcome = memory.remembered.not_done(act.command.key, rc.NotDoneKind.INTERRUPTED, reason)
+    outcome = memory.remembered.not_done(act.command.key, rc.NotDoneKind.INTERRUPTED, why)
     return replace(memory, act=replace(act, outcome=outcome))

@@ -17,15 +17,16 @@ from agent_runtime.core.turn import Turn
 from companion.binding import Transition, bind
 from companion.design import AgentName
 from companion.languages import rc
+from companion.languages.facts import Facts, Kind, fact
 from companion.languages.rc import NotDoneKind
 from fipa_codec.performatives import Performative
 from services.executor import local, words
-from services.executor.acting import PATIENCE, follow, lost, start
+from services.executor.acting import PATIENCE, follow, logged, lost, over, start
 from services.executor.local import Brake, ByRays, Crashed, Drop, Ended, Felt, Halt, Lost, Move, Perform, Stands, Where
 from services.executor.memory import CONDITIONS, Act, Memory, Soft
 from services.executor.remembered import Remembered
 
-NEW_WORLD = "the simulated world was lost with its loop, and a new one was made; the robot has to look around again"
+RESTARTED = (fact(Kind.ENDED, "ex"),)
 SKILL_WITHIN_S = 60.0  # estimate: the longest computation of a skill, a planned path home, takes some seconds
 
 
@@ -69,13 +70,15 @@ def await_act(memory: Memory, turn: Turn) -> Memory:
     """State idle: take the next act; refuse one that was started before or is impossible, and say why."""
     match turn.event:
         case Received(content=command) as received if isinstance(command, rc.Act):
-            why = words.wrong(command)
-            if not why and command.key == memory.last:
-                why = f"act {command.key!r} was started before; it is never started again"
-            if not why:
+            if wrong := words.wrong(command):
+                turn.log("a command makes no sense", level="warning", reason=wrong.text)
+                why = fact(Kind.BAD_COMMAND, wrong.field)
+            elif command.key == memory.last:
+                why = fact(Kind.BEGUN_BEFORE)
+            else:
                 act = Act(received.conversation, command)
                 return replace(memory, number=memory.number + 1, act=act, soft=Soft())
-            words.refuse(turn, received.conversation, command, NotDoneKind.REFUSED, why)
+            words.refuse(turn, received.conversation, command, NotDoneKind.REFUSED, (why,))
         case _:
             memory = _declined(memory, turn)
     return memory
@@ -85,8 +88,7 @@ def _declined(memory: Memory, turn: Turn) -> Memory:
     """Refuse a second act, and any subscription: readings are not published yet."""
     match turn.event:
         case Received(content=command) as received if isinstance(command, rc.Command):
-            busy = memory.act.command.key if memory.act else "its recovery"
-            words.refuse(turn, received.conversation, command, NotDoneKind.BUSY, f"ex is busy with {busy}")
+            words.refuse(turn, received.conversation, command, NotDoneKind.BUSY, (fact(Kind.BUSY, "ex"),))
         case Received(communicate=word) as received if word.performative is Performative.SUBSCRIBE:
             turn.say(received.conversation, Performative.REFUSE)
     return memory
@@ -112,19 +114,17 @@ def prepare_act(memory: Memory, turn: Turn) -> Memory:
             act = replace(act, begun=True)
             soft = replace(memory.soft, motion=move.motion)
             return replace(memory, act=act, remembered=move.remembered, soft=soft)
-        case Local(content=Ended(number=number, outcome=outcome, remembered=kept)) if number == memory.number:
-            return replace(memory, act=replace(act, outcome=outcome), remembered=kept)
-        case Local(content=Lost(number=number, reason=reason)) if number == memory.number:
-            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, reason)
-        case Local(content=Crashed(reason=reason)):
-            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, f"the skill's process ended: {reason}")
+        case Local(content=Ended(number=number) as end) if number == memory.number:
+            return over(memory, turn, end)
+        case Local(content=Lost(number=number) as loss) if number == memory.number:
+            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, logged(turn, loss))
+        case Local(content=Crashed() as crash):
+            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, logged(turn, crash))
         case Woken(name=name) if name == PATIENCE:
-            return _given_up(
-                memory, turn, NotDoneKind.INTERRUPTED, f"the skill found no motion in {SKILL_WITHIN_S:g} s"
-            )
+            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, (fact(Kind.NO_MOTION_FOUND, SKILL_WITHIN_S),))
         case Received() | Broken() as event if _called_off(act, event):
             memory = replace(memory, act=replace(act, cancelling=True))
-            return _given_up(memory, turn, NotDoneKind.CANCELLED, "cancelled before anything moved")
+            return _given_up(memory, turn, NotDoneKind.CANCELLED, (fact(Kind.CANCELLED),))
         case _:
             return _declined(memory, turn)
     return memory
@@ -141,10 +141,10 @@ def _called_off(act: Act, event: Received | Broken) -> bool:
     return called and event.conversation == act.conversation
 
 
-def _given_up(memory: Memory, turn: Turn, kind: str, reason: str) -> Memory:
+def _given_up(memory: Memory, turn: Turn, kind: str, why: Facts) -> Memory:
     turn.tell(Drop(memory.number))
     act = _required(memory)
-    outcome = memory.remembered.not_done(act.command.key, kind, reason)
+    outcome = memory.remembered.not_done(act.command.key, kind, why)
     return replace(memory, act=replace(act, outcome=outcome))
 
 
@@ -158,7 +158,7 @@ def carry_out(memory: Memory, turn: Turn) -> Memory:
         case None:
             return start(memory, turn)
         case Started():
-            return lost(memory, "the executor was restarted during the act")
+            return lost(memory, RESTARTED)
         case Received() | Broken() as event if _called_off(act, event):
             return replace(memory, act=replace(act, cancelling=True))
         case Received():
@@ -177,7 +177,7 @@ def stop_act(memory: Memory, turn: Turn) -> Memory:
                 turn.tell(Brake(memory.number, act.command.key))
             return memory
         case Started():
-            return _halted(lost(memory, act.lost or "the executor was restarted while it stopped"), turn)
+            return _halted(lost(memory, act.lost or RESTARTED), turn)
         case Local(content=Stands(number=number, felt=felt)) if act.lost and number == memory.number:
             if _elsewhere(memory, felt):
                 return _new_world(memory, felt)
@@ -218,7 +218,7 @@ def _new_world(memory: Memory, felt: Felt) -> Memory:
     """Forget all, and say so: what a hand held and where things were is known of no thing in this world."""
     memory = _where(replace(memory, remembered=Remembered()), felt)
     act = _required(memory)
-    outcome = rc.NotDone(act.command.key, NotDoneKind.NEW_WORLD, NEW_WORLD)
+    outcome = rc.NotDone(act.command.key, NotDoneKind.NEW_WORLD, (fact(Kind.NEW_WORLD),))
     return replace(memory, act=replace(act, outcome=outcome))
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from companion.eyes import Eyes
 from companion.languages import rc
+from companion.languages.facts import Facts
 from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Remembered
 
@@ -17,11 +18,11 @@ Array = NDArray[np.float64]
 
 
 class Felt(msgspec.Struct, frozen=True):
-    """Measurements of the loop: how a motion ended (phase of the loop, "" if there was none), and the posture.
+    """Measurements of the loop: how a motion ended (phase of the loop, "" if there was none) and why, and the posture.
 
     `q`, `measured`: set-points and joints (15,) as float64 bytes [rad]. `touched`, `fingers`: per side, which fingers
     touched, mean angle [rad]; `grips`: what the wrist feels. `world`: all coordinates of the world model, for the
-    receptor only. `epoch`: name of the simulated world, "" of a real one.
+    receptor only. `epoch`: name of the simulated world, "" of a real one. `text`: of a refusal or fault, for the log.
     """
 
     q: bytes
@@ -31,7 +32,8 @@ class Felt(msgspec.Struct, frozen=True):
     world: bytes = b""
     epoch: str = ""
     ended: str = ""
-    reason: str = ""
+    why: Facts = ()
+    text: str = ""
     touched: dict[str, tuple[bool, bool, bool]] = {}
     fingers: dict[str, float] = {}
     grips: dict[str, GripReport] = {}
@@ -134,9 +136,10 @@ class Moved(Message, frozen=True):
 
 
 class Lost(Message, frozen=True):
-    """The loop is gone or was replaced: how the motion ended is unknown."""
+    """The loop is gone or was replaced: how the motion ended is unknown. `text`: for the log."""
 
-    reason: str
+    why: Facts
+    text: str
 
 
 class Move(Message, frozen=True):
@@ -148,20 +151,21 @@ class Move(Message, frozen=True):
 
 
 class Ended(Message, frozen=True):
-    """The skill has ended."""
+    """The skill has ended. `text`: of a motion that could not be made, for the log."""
 
     outcome: rc.Done | rc.NotDone
     remembered: Remembered
+    text: str = ""
 
 
 class ByRays(msgspec.Struct, frozen=True, tag=True):
-    """Eyes by pixels cannot go on, and why: ex sees by rays from now on."""
+    """Eyes by pixels cannot go on, and why, for the log: ex sees by rays from now on."""
 
     reason: str
 
 
 class Crashed(msgspec.Struct, frozen=True, tag=True):
-    """The skill process ended by itself, and why."""
+    """The skill process ended by itself, and why, for the log."""
 
     reason: str
 

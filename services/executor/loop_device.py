@@ -18,9 +18,10 @@ import numpy as np
 
 from agent_runtime.io.devices import Post
 from agent_runtime.io.one_reader import OneReaderQueue
+from companion.languages.facts import Facts, Kind, fact
 from services.executor.local import Brake, Do, Felt, GoOn, Halt, Lost, Moved, Passing, Stands, ToLoop, Where
 from services.executor.loop.link import AgentLink, LoopCommand, LoopState, Told
-from services.executor.loop.program import Cancel, LookAgain, Mode, Phase, Release
+from services.executor.loop.program import FAULT, Cancel, LookAgain, Mode, Phase, Release
 from velma.errors import SlotError
 from velma.names import SIDES
 
@@ -34,7 +35,11 @@ RELEASED_WITHIN_S = 5.0  # estimate: the dwell of a held robot is a fraction of 
 
 
 class Gone(Exception):
-    """There is no loop, or not the one that got the motion."""
+    """There is no loop, or not the one that got the motion, and `why`."""
+
+    def __init__(self, why: Kind, text: str) -> None:
+        self.why = (fact(why, "loop"),)
+        super().__init__(text)
 
 
 class LoopDevice:
@@ -79,7 +84,7 @@ class LoopDevice:
                 case GoOn() | Brake():
                     pass  # its motion has ended
         except Gone as gone:
-            self._post(Lost(word.number, str(gone)))
+            self._post(Lost(word.number, gone.why, str(gone)))
         return True
 
     def _reach(self) -> AgentLink:
@@ -91,7 +96,7 @@ class LoopDevice:
             try:
                 self._link = AgentLink(self._path)
             except SlotError as error:
-                raise Gone(f"the loop does not run: {error}") from None
+                raise Gone(Kind.ENDED, f"the loop does not run: {error}") from None
         _state(self._link)
         return self._link
 
@@ -113,24 +118,28 @@ class LoopDevice:
         try:
             sent = self._command(link, word.motion)
         except SlotError as error:
-            self._post(Moved(word.number, _felt(_state(link), link.told(), Phase.FAILED, str(error))))
+            refused = (fact(Kind.MOTION_REFUSED, "knots"),)
+            self._post(Moved(word.number, _felt(_state(link), link.told(), Phase.FAILED, refused, str(error))))
             return True
         cycles, alike, self._looking = -1, 0, False
         while True:
             told, state = link.told(), _state(link)
             if told.refusal and told.taken == sent:
-                self._post(Moved(word.number, _felt(state, told, Phase.FAILED, told.refusal)))
+                refusal = told.refusal
+                self._post(Moved(word.number, _felt(state, told, Phase.FAILED, refusal.why, refusal.text)))
                 return True
             if told.taken >= sent and told.report.phase is not Phase.RUNNING:
-                self._post(Moved(word.number, _felt(_state(link), told, told.report.phase, told.report.reason)))
+                state, why = _state(link), told.report.why
+                text = state.last_fault if why == FAULT else ""
+                self._post(Moved(word.number, _felt(state, told, told.report.phase, why, text)))
                 return True
             if told.look and not self._looking:
                 self._looking = True
-                self._post(Passing(word.number, _felt(_state(link), told, told.report.phase, "")))
+                self._post(Passing(word.number, _felt(_state(link), told, told.report.phase)))
             # Simulated time may stand still until the look is answered.
             cycles, alike = state.cycles, alike + 1 if state.cycles == cycles and not self._looking else 0
             if link.file.replaced or alike * BEAT_S > SILENT_S:
-                raise Gone("the loop ended in the middle of a motion")
+                raise Gone(Kind.ENDED, "the loop ended in the middle of a motion")
             link.beat()
             if not self._meanwhile(link, word):
                 return False
@@ -164,7 +173,7 @@ class LoopDevice:
             if link.file.replaced:
                 break
             link.beat()
-        raise Gone("the loop takes no commands")
+        raise Gone(Kind.GAVE_NO_ANSWER, "the loop takes no commands")
 
     def _rest(self, link: AgentLink) -> Felt:
         """Return the posture; release the robot first if it is held after a fault."""
@@ -172,7 +181,7 @@ class LoopDevice:
             if _state(link).mode not in (Mode.DAMPING, Mode.HOLD):
                 break
             self._command(link, Release())
-        return _felt(_state(link), link.told(), Phase.IDLE, "")
+        return _felt(_state(link), link.told(), Phase.IDLE)
 
 
 def _state(link: AgentLink) -> LoopState:
@@ -180,7 +189,7 @@ def _state(link: AgentLink) -> LoopState:
     for _ in _looks(READ_WITHIN_S):
         if (state := link.state()) is not None:
             return state
-    raise Gone("the loop publishes no state")
+    raise Gone(Kind.GAVE_NO_ANSWER, "the loop publishes no state")
 
 
 def _looks(within_s: float, pause_s: float = LOOK_S) -> Iterator[None]:
@@ -190,7 +199,7 @@ def _looks(within_s: float, pause_s: float = LOOK_S) -> Iterator[None]:
         time.sleep(pause_s)
 
 
-def _felt(state: LoopState, told: Told, ended: Phase, reason: str) -> Felt:
+def _felt(state: LoopState, told: Told, ended: Phase, why: Facts = (), text: str = "") -> Felt:
     report = told.report
     return Felt(
         q=state.setpoint.tobytes(),
@@ -200,7 +209,8 @@ def _felt(state: LoopState, told: Told, ended: Phase, reason: str) -> Felt:
         world=state.world,
         epoch=state.epoch,
         ended=str(ended),
-        reason=reason,
+        why=why,
+        text=text,
         touched={side: report.hand(side).touched for side in SIDES},
         grips={side: report.hand(side).grip for side in SIDES},
         fingers={side: float(np.mean(state.fingers(row)[0])) for row, side in enumerate(SIDES)},

@@ -3,6 +3,7 @@
 import msgspec
 
 from companion.languages import rc
+from companion.languages.facts import Facts
 from services.executor.local import Felt
 from services.executor.loop.program import Motion
 from services.executor.remembered import Remembered
@@ -19,7 +20,7 @@ class Act(msgspec.Struct, frozen=True):
     begun: bool = False
     cancelling: bool = False
     broken_off: bool = False
-    lost: str = ""
+    lost: Facts = ()
     outcome: rc.Done | rc.NotDone | None = None
 
 

@@ -8,6 +8,7 @@ import msgspec
 from msgspec.structs import replace
 
 from companion.languages import rc, rs
+from companion.languages.facts import Facts
 from companion.languages.values import BodyPosture, Pose, Side
 
 
@@ -70,10 +71,10 @@ class Remembered(msgspec.Struct, frozen=True):
         """Return what each hand holds, for a communicate."""
         return {side: (one.object, one.grasp, one.pose) for side, one in self.held.items()}
 
-    def not_done(self, key: str, kind: str, reason: str) -> rc.NotDone:
+    def not_done(self, key: str, kind: str, why: Facts) -> rc.NotDone:
         """Return the outcome of an act that was not done, with the posture."""
         placed = tuple(replace(self.seen[name], at=at) for name, at in self.placed.items())
-        return rc.NotDone(key, kind, reason, self.posture(), held=self.holding(), placed=placed)
+        return rc.NotDone(key, kind, why, self.posture(), held=self.holding(), placed=placed)
 
 
 SIDES = (Side.RIGHT, Side.LEFT)

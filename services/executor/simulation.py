@@ -85,7 +85,7 @@ class InProcess:
         report, state = self.core.report, self.core.state
         return Sensed(
             ended=str(report.phase),
-            reason=report.reason,
+            why=report.why,
             q=self.core.setpoint.copy(),
             measured=state.q.copy(),
             touched={"right": report.right.touched, "left": report.left.touched},

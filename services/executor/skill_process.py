@@ -67,7 +67,7 @@ class Stage:
         neck: Neck = (float(measured[names.TORSO]), *felt.head)
         return Sensed(
             ended=felt.ended,
-            reason=felt.reason,
+            why=felt.why,
             q=felt.setpoint().copy(),
             measured=measured,
             touched=dict(felt.touched),
@@ -155,7 +155,7 @@ def _act(link: Link, stage: Stage, word: Perform) -> ToSkill:
                 return reply
             asked = work.send(stage.sensed(reply.felt))
     except StopIteration as stop:
-        link.send(Ended(word.number, stop.value, kept()))
+        link.send(Ended(word.number, stop.value, kept(), here.refused))
     following: ToSkill = link.recv(ToSkill)
     return following
 

@@ -14,12 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.languages import rc
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Within
 from services.executor import words
 from services.executor.loop import act
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopCommand
-from services.executor.loop.program import Close, HandCommand, HeadGoal, Motion, Move, Phase, Until, motion
+from services.executor.loop.program import Close, HandCommand, HeadGoal, Motion, Move, Phase, Until, motion, named
 from velma import ranges
 from velma.control.cartesian import CartesianGains
 from velma.control.dynamics import Dynamics
@@ -162,8 +163,11 @@ def test_a_motion_is_refused_by_its_field_or_ends(drawn: tuple[Motion, str]) -> 
     assert not read or (refused and field in read)
     if refused:
         assert field
-        assert field in refused
-        assert "expected" in refused
+        assert field in refused.text
+        assert "expected" in refused.text
+        (why,) = refused.why
+        assert why.kind is Kind.MOTION_REFUSED
+        assert named(field) in why.words[0]
         assert core.command.tau.tolist() == [0.0] * 15
         return
     assert all(map(math.isfinite, numbers(asked)))
@@ -190,10 +194,11 @@ def test_a_hand_command_is_refused_by_its_field(drawn: tuple[Any, str], side: st
 def test_a_command_of_the_language_is_refused_by_its_field(drawn: tuple[Any, str]) -> None:
     """What is right is not refused."""
     command, field = drawn
-    why = words.wrong(command)
-    if why:
+    wrong = words.wrong(command)
+    if wrong:
         assert field
-        assert field in why
+        assert field in wrong.text
+        assert field in wrong.field
     else:
         assert all(math.isfinite(one) and abs(one) <= 100.0 for one in numbers(command))
 
@@ -247,7 +252,7 @@ def test_the_slowest_motion_that_may_be_asked_for_ends(monkeypatch: pytest.Monke
     while core.report.phase is Phase.RUNNING:
         core.cycle()
     assert core.report.phase is Phase.FAILED
-    assert "a hand has not arrived" in core.report.reason
+    assert core.report.why == (fact(Kind.NOT_ARRIVED, "hand", 1.0),)
     assert core.run(motion("next", START, left=Move((1.0, 1.0, 1.0)))).phase is Phase.DONE
 
 
@@ -296,7 +301,9 @@ def test_a_joint_beyond_its_limit_may_come_back() -> None:
     core = LoopCore(backend, dynamics=DYNAMICS)
     found = timing.timed(ROBOT, [start, np.array(START)], tool_speed=0.3)
     for _ in range(2):  # each within what is blended, and farther beyond than the set-point
-        assert "knots: left_arm_1_joint" in core.begin(motion("out", start + 0.04 * np.eye(15)[9]))
+        refused = core.begin(motion("out", start + 0.04 * np.eye(15)[9]))
+        assert refused is not None
+        assert refused.why == (fact(Kind.MOTION_REFUSED, "knots:_left_arm_1_joint"),)
     assert core.run(motion("back", found.q)).phase is Phase.DONE
     with pytest.raises(MotionError, match="path: left_arm_1_joint"):
         timing.timed(ROBOT, [start, out], tool_speed=0.3)

@@ -6,6 +6,7 @@ Virtual time goes on by the simulated time it took; a Brake that answers no look
 import numpy as np
 
 from agent_runtime.io.devices import Post
+from companion.languages.facts import Facts
 from services.executor.local import Brake, Do, Felt, GoOn, Halt, Moved, Passing, Stands, Where
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Phase
@@ -24,7 +25,7 @@ class CalledLoop:
         """Do it now."""
         match content:
             case Where(number=number) | Halt(number=number):
-                self._post(Stands(number, self._felt("idle", "")))
+                self._post(Stands(number, self._felt("idle", ())))
             case Do(number=number, motion=motion):
                 self._core.begin(motion)
                 self._go_on(number)
@@ -40,14 +41,14 @@ class CalledLoop:
         while self._core.report.phase is Phase.RUNNING and not self._core.look_due:
             self._core.cycle()
         report = self._core.report
-        felt = self._felt(str(report.phase), report.reason)
+        felt = self._felt(str(report.phase), report.why)
         word = Passing if report.phase is Phase.RUNNING else Moved
         self._post(word(number, felt), felt.time - began)
 
     def close(self) -> None:
         """The loop goes on without its agent."""
 
-    def _felt(self, ended: str, reason: str) -> Felt:
+    def _felt(self, ended: str, why: Facts) -> Felt:
         core = self._core
         state, report = core.state, core.report
         return Felt(
@@ -57,7 +58,7 @@ class CalledLoop:
             time=float(state.time),
             world=np.asarray(core.backend.configuration()).tobytes(),
             ended=ended,
-            reason=reason,
+            why=why,
             touched={side: report.hand(side).touched for side in SIDES},
             grips={side: report.hand(side).grip for side in SIDES},
             fingers={side: float(np.mean(state.proximal[row])) for row, side in enumerate(SIDES)},

@@ -119,7 +119,7 @@ class Robot:
 
     def _felt(self, ended: str) -> Felt:
         q = REST.tobytes()
-        return Felt(q=q, measured=q, head=(0.0, 0.0), time=self._world.sim_time, ended=ended, reason=ended)
+        return Felt(q=q, measured=q, head=(0.0, 0.0), time=self._world.sim_time, ended=ended)
 
     def _go_on(self, number: int, felt: Felt | None) -> None:
         perform = self._perform
@@ -128,7 +128,7 @@ class Robot:
         if felt is not None and felt.ended != "done":
             kept = perform.remembered
             self._act = None
-            outcome = kept.not_done(perform.command.key, felt.ended, felt.reason)
+            outcome = kept.not_done(perform.command.key, felt.ended, felt.why)
             self._post(Ended(number, outcome, kept), 0.01)
             return
         following = next(self._act, None)

@@ -23,6 +23,7 @@ from services.knowledge.observe import observed
 from services.knowledge.scene import Scene
 
 POUR = "pour the jar into the bowl"
+NO_LIGHT = (fact(Kind.NOTHING_IS_SEEN),)
 SLOW_S = 25.0
 TIRED_S = 300.0  # by then every command has ended that waits for a robot which never looks: estimate, some tries long
 
@@ -58,7 +59,7 @@ class Blind(Robot):
         """Have no look done."""
         if isinstance(content, Perform) and isinstance(content.command, rc.Look):
             kept = content.remembered
-            self._post(Ended(content.number, kept.not_done(content.command.key, "failed", "no light"), kept), 0.01)
+            self._post(Ended(content.number, kept.not_done(content.command.key, "failed", NO_LIGHT), kept), 0.01)
         else:
             super().tell(content)
 

@@ -108,7 +108,7 @@ def stop_kept(subject: Subject) -> Measured:
     with moving(subject) as (core, _, _):
         core.stop()
         failed = core.report.phase is Phase.FAILED
-        obeyed = core.mode is Mode.STOPPED and failed and core.begin(rising(core)) != ""
+        obeyed = core.mode is Mode.STOPPED and failed and core.begin(rising(core)) is not None
         core.release()
         count = 0
         while core.mode is Mode.STOPPED and count < 2 * damping.DWELL_CYCLES:

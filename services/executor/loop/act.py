@@ -5,11 +5,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.languages.facts import Facts, Kind, fact
 from services.executor.loop.program import HandReport, Motion, Phase, Report, Until
 from services.executor.loop.track import Track
 from velma.names import SIDES
 
 Array = NDArray[np.float64]
+Verdict = tuple[Phase, Facts]
+"""How a motion ends, and why."""
 
 LATE_S = 3.0  # for a joint that follows late; estimate: a light robot (MockBackend) comes within 0.06 rad in 1.3 s
 HANDS_S = 120.0  # since the begin; the slowest that may be asked for closes in 25 s, squeezes in 25, waits 60
@@ -49,21 +52,21 @@ class Act:
         """Let the next look be due `in_s` [s] after the last one was due."""
         self._look_s += in_s
 
-    def interrupt(self, why: tuple[Phase, str] | None) -> tuple[Phase, str] | None:
-        """Come to rest along the path; return `why`, how it ends, at rest. None before, or while that is unknown."""
+    def interrupt(self, verdict: Verdict | None) -> Verdict | None:
+        """Come to rest along the path; return how it ends, at rest. None before, or while that is unknown."""
         if self.track is not None:
             self.track.brake()
-        return why if self._at_rest else None
+        return verdict if self._at_rest else None
 
-    def judge(self, now_s: float, error: Array, *, hands_done: bool, head_done: bool) -> tuple[Phase, str] | None:
+    def judge(self, now_s: float, error: Array, *, hands_done: bool, head_done: bool) -> Verdict | None:
         """Return how the motion ends in this cycle and why, or None. `error` (12,): of both hands."""
         beside = self.beside(error)
         if beside is not None:
             return beside
         if self.cancelled:
-            return (Phase.CANCELLED, "cancelled") if self._at_rest else None
+            return (Phase.CANCELLED, (fact(Kind.CANCELLED),)) if self._at_rest else None
         if not (hands_done and head_done) and self._at_rest and now_s - self._began_s > HANDS_S:
-            return Phase.FAILED, f"{'the head' if hands_done else 'a hand'} has not arrived in {HANDS_S:g} s"
+            return Phase.FAILED, (fact(Kind.NOT_ARRIVED, "head" if hands_done else "hand", HANDS_S),)
         if self._ended_by is None:
             self._ended_by = self._reached(error, hands_done)
             return None
@@ -72,9 +75,9 @@ class Act:
             return None
         if self._settling_s is None:
             self._settling_s = now_s
-        return (Phase.DONE, "") if now_s - self._settling_s >= self.motion.settle_s - 1e-9 else None
+        return (Phase.DONE, ()) if now_s - self._settling_s >= self.motion.settle_s - 1e-9 else None
 
-    def wait(self, now_s: float, why: str) -> tuple[Phase, str] | None:
+    def wait(self, now_s: float, why: Facts) -> Verdict | None:
         """Wait for what is not at the end of the motion; return how it ends if it does not come. `why`: what is off."""
         if self._late_s is None:
             self._late_s = now_s
@@ -87,7 +90,7 @@ class Act:
     def _at_rest(self) -> bool:
         return self.track is None or self.track.ended
 
-    def beside(self, error: Array) -> tuple[Phase, str] | None:
+    def beside(self, error: Array) -> Verdict | None:
         """Return the end of a motion that a hand is too far from. `error` (12,): of both hands."""
         values = error.tolist()
         for row, side in enumerate(SIDES):
@@ -95,7 +98,7 @@ class Act:
             self._largest[row] = max(self._largest[row], distance)
             if distance > self.motion.tolerance_m:
                 self.track = None
-                return Phase.BLOCKED, f"the {side} hand was {distance:.3f} m beside its path"
+                return Phase.BLOCKED, (fact(Kind.BESIDE_ITS_PATH, side, distance),)
         return None
 
     def _reached(self, error: Array, hands_done: bool) -> Until | None:
@@ -114,12 +117,12 @@ class Act:
             return Until.TOUCH if hands_done and self._at_rest else None
         return Until.END if self._at_rest else None
 
-    def report(self, phase: Phase, reason: str, now_s: float, right: HandReport, left: HandReport) -> Report:
+    def report(self, phase: Phase, why: Facts, now_s: float, right: HandReport, left: HandReport) -> Report:
         """Return the report of the motion at this time."""
         return Report(
             key=self.motion.key,
             phase=phase,
-            reason=reason,
+            why=why,
             ended_by=self._ended_by,
             time_s=now_s - self._began_s,
             right=right,

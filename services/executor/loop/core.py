@@ -13,21 +13,25 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.languages.facts import Facts, Kind, fact
 from services.executor.loop.act import Act
 from services.executor.loop.fingers import Fingers
 from services.executor.loop.grip_watch import GripWatch
 from services.executor.loop.payloads import Payloads
 from services.executor.loop.program import (
+    FAULT,
     HandReport,
     HeadGoal,
     Mode,
     Motion,
     Move,
     Phase,
+    Refusal,
     Report,
     Result,
     checked,
     followed,
+    refusal,
 )
 from velma import names, ranges
 from velma.control import cartesian, damping, head, joint, limits
@@ -134,23 +138,24 @@ class LoopCore:
 
     # -- what the outside may ask ------------------------------------------------------------------------------------
 
-    def begin(self, asked: Motion) -> str:
-        """Start a motion now and return ""; or return why it is refused.
+    def begin(self, asked: Motion) -> Refusal | None:
+        """Start a motion now; or return why it is refused.
 
         A refused motion is reported as failed, unless another one runs, whose report stays.
         """
         refused = self._started(asked)
-        if not refused:
+        if refused is None:
             self._tell(Phase.RUNNING)
         elif self.act is None:
-            self.report = Report(asked.key, Phase.FAILED, refused, right=self._hand(0), left=self._hand(1))
+            self.report = Report(asked.key, Phase.FAILED, refused.why, right=self._hand(0), left=self._hand(1))
         return refused
 
-    def _started(self, asked: Motion) -> str:
+    def _started(self, asked: Motion) -> Refusal | None:
         if self.act is not None:
-            return f"motion {self.act.motion.key} is still running; cancel it or wait for its end"
+            running = f"motion {self.act.motion.key} is still running; cancel it or wait for its end"
+            return Refusal((fact(Kind.BUSY, "loop"),), running)
         if self.mode is not Mode.MOTION:
-            return f"the robot is in mode {self.mode}; release it first"
+            return Refusal((fact(Kind.HELD_STILL, self.mode),), f"the robot is in mode {self.mode}; release it first")
         try:
             asked = checked(asked)
             act = Act(asked, self.setpoint, self.state.time)
@@ -158,7 +163,7 @@ class LoopCore:
             for row in (0, 1):
                 self.fingers.check(row, asked.hands()[row])
         except MotionError as error:
-            return str(error)
+            return refusal(error)
         self.act = act
         for row in (0, 1):
             self.fingers.begin(row, asked.hands()[row])
@@ -166,7 +171,7 @@ class LoopCore:
         self.grips.begin(asked)
         if asked.head is not None:
             self._look(asked.head)
-        return ""
+        return None
 
     def _look(self, goal: HeadGoal) -> None:
         self._head_goal, self._head_speed = head.reachable(np.array((goal.pan, goal.tilt))), goal.speed
@@ -196,16 +201,16 @@ class LoopCore:
         """Hold the joints, whatever runs: the stop of a person."""
         self.stopped = True
         if self.mode is not Mode.STOPPED:
-            self._enter(Mode.STOPPED, "stopped by a person")
+            self._enter(Mode.STOPPED, (fact(Kind.HELD_STILL, Mode.STOPPED),))
 
     def release(self) -> None:
         """Leave damping, hold or stop as soon as the dwell is over. No effect in mode motion."""
         self.stopped, self._release = False, self.mode is not Mode.MOTION
 
-    def abandon(self, reason: str) -> None:
+    def abandon(self, why: Facts) -> None:
         """Enter damping, then hold, because nobody commands any more."""
         if self.mode is Mode.MOTION:
-            self._enter(Mode.DAMPING, reason, Phase.INTERRUPTED)
+            self._enter(Mode.DAMPING, why, Phase.INTERRUPTED)
 
     def run(self, asked: Motion) -> Result:
         """Run a motion to its end and return its report. Raises MotionError while another one runs."""
@@ -370,36 +375,35 @@ class LoopCore:
         if verdict is not None:
             self._end(*verdict)
 
-    def _off(self, asked: Motion, state: State, error: Array) -> str:
-        """Return what is not where the motion should have brought it, "" where all is. `error` (12,): of both hands."""
+    def _off(self, asked: Motion, state: State, error: Array) -> Facts:
+        """Return what is not where the motion should have brought it, () where all is. `error` (12,): of both hands."""
         joints = np.abs(state.q - self.setpoint)
         worst = int(np.argmax(joints))
         if joints[worst] > JOINT_OFF:
             # The impedance moves the other joints of an arm for one that sticks: which one sticks is not known.
-            part = BODY[worst].rsplit("_", 2)[0].replace("_", " ")
-            return f"the {part} did not follow: {BODY[worst]} is {joints[worst]:.2f} rad from its end"
+            return (fact(Kind.NOT_FOLLOWED, BODY[worst].rsplit("_", 2)[0], joints[worst]),)
         for row, (side, command) in enumerate(zip(names.SIDES, asked.hands(), strict=True)):
             away, turned = (float(np.linalg.norm(error[at : at + 3])) for at in (6 * row, 6 * row + 3))
             if away > HAND_OFF_M or turned > HAND_OFF:
-                return f"the {side} hand is {away:.3f} m and {turned:.2f} rad from its end"
+                return (fact(Kind.HAND_OFF, side, away, turned),)
             if isinstance(command, Move):
                 bent = np.abs(state.proximal[row] - command.fingers)
                 if bent.max() > FINGER_OFF:
                     number = int(np.argmax(bent)) + 1
-                    return f"finger {number} of the {side} hand did not follow: it is {bent.max():.2f} rad from its end"
-        return ""
+                    return (fact(Kind.FINGER_NOT_FOLLOWED, side, number, bent.max()),)
+        return ()
 
     # -- ends and faults ---------------------------------------------------------------------------------------------
 
-    def _end(self, phase: Phase, reason: str) -> None:
+    def _end(self, phase: Phase, why: Facts) -> None:
         if phase is not Phase.DONE:
             self.fingers.freeze()
-        self._tell(phase, reason)
+        self._tell(phase, why)
         self.act = None
 
-    def _tell(self, phase: Phase, reason: str = "") -> None:
+    def _tell(self, phase: Phase, why: Facts = ()) -> None:
         assert self.act is not None
-        self.report = self.act.report(phase, reason, self.state.time, self._hand(0), self._hand(1))
+        self.report = self.act.report(phase, why, self.state.time, self._hand(0), self._hand(1))
 
     def _hand(self, row: int) -> HandReport:
         return msgspec.structs.replace(self.fingers.report(row, self.state), grip=self.grips.report(row))
@@ -408,9 +412,9 @@ class LoopCore:
         self.faults += 1
         self.last_fault = f"{type(error).__name__}: {error}"
         self.payloads.mend()
-        self._enter(Mode.DAMPING, self.last_fault)
+        self._enter(Mode.DAMPING, FAULT)
 
-    def _enter(self, mode: Mode, reason: str, phase: Phase = Phase.FAILED) -> None:
+    def _enter(self, mode: Mode, why: Facts, phase: Phase = Phase.FAILED) -> None:
         """Leave the present motion, if any, for a safe mode."""
         self.mode, self._dwell, self._release = mode, 0, False
         self._head_goal = self._head_target.copy()
@@ -418,4 +422,4 @@ class LoopCore:
         if not impossible(self.state):
             self.setpoint = self.state.q.copy()
         if self.act is not None:
-            self._end(phase, reason)
+            self._end(phase, why)

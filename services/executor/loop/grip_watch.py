@@ -8,6 +8,8 @@ is not well a hand feels nothing, and says why.
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.languages.facts import Kind, fact
+from services.executor.loop.act import Verdict
 from services.executor.loop.program import GripReport, Motion, Open, Payload, Phase, Until
 from velma.control import grip
 from velma.control.dynamics import Terms
@@ -17,7 +19,7 @@ from velma.sim.backend import State
 
 Array = NDArray[np.float64]
 
-_ENDS = {Grip.LOST: Phase.LOST, Grip.SLIPPED: Phase.SLIPPED}
+_ENDS = {Grip.LOST: (Phase.LOST, Kind.FEELS_LITTLE), Grip.SLIPPED: (Phase.SLIPPED, Kind.SLIPS)}
 _ALARMS = frozenset((Grip.WARNED, *_ENDS))
 
 
@@ -90,15 +92,15 @@ class GripWatch:
         return self._watch[0].grip in _ALARMS or self._watch[1].grip in _ALARMS
 
     @property
-    def verdict(self) -> tuple[Phase, str] | None:
+    def verdict(self) -> Verdict | None:
         """Return the end of the motion and its reason as soon as it is known; None before."""
         grips = [watch.grip for watch in self._watch]
         if Grip.WARNED in grips:
             return None
-        for felt, phase in _ENDS.items():
+        for felt, (phase, kind) in _ENDS.items():
             if felt in grips:
                 row = grips.index(felt)
-                return phase, f"the {SIDES[row]} hand feels {max(self._load[row], 0.0):.2f} kg: {phase}"
+                return phase, (fact(kind, SIDES[row], max(self._load[row], 0.0)),)
         return None
 
     def report(self, row: int) -> GripReport:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED
-from services.executor.loop.program import Cancel, LookAgain, Mode, Motion, Release, Report
+from services.executor.loop.program import Cancel, LookAgain, Mode, Motion, Refusal, Release, Report
 from services.executor.loop.slots import Counters, LoopFile, packed
 from velma.sim.backend import State
 
@@ -71,7 +71,7 @@ class Told(msgspec.Struct, frozen=True):
     """
 
     taken: int = 0
-    refusal: str = ""
+    refusal: Refusal | None = None
     report: Report = Report()
     look: bool = False
 

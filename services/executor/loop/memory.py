@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 MEMORY = "loop.memory"
 """Name of the file, beside the slots."""
-MAGIC = b"VELMAWM5"
+MAGIC = b"VELMAWM6"
 _HEAD = struct.Struct("<8s32s16s")  # magic, fingerprint of the world, its epoch
 _PLACES = {"motion": (64, 4 << 20), "even": ((4 << 20) + 64, 5 << 20), "odd": ((5 << 20) + 64, 6 << 20)}
 """Start and end of the slots [bytes]. A world of 60 grains, the most, has 20 kB where they spin."""

@@ -18,10 +18,11 @@ from enum import StrEnum
 
 import msgspec
 
+from companion.languages.facts import Kind, fact
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink, LoopState, Told
 from services.executor.loop.memory import Keeper
-from services.executor.loop.program import Cancel, LookAgain, Motion, Phase, Release
+from services.executor.loop.program import Cancel, LookAgain, Mode, Motion, Phase, Refusal, Release
 from services.executor.loop.stillness import Stillness
 from services.executor.loop.timing import Pacer
 from velma.sim.truth import TruthReader
@@ -129,7 +130,7 @@ class LoopProcess:
 
     def end(self, cycles: int = 50) -> None:
         """End whatever runs; the last commands are damping."""
-        self.core.abandon("the loop is shut down")
+        self.core.abandon((fact(Kind.ENDED, "loop"),))
         for _ in range(cycles):
             self.core.cycle()
         self._publish()
@@ -148,7 +149,7 @@ class LoopProcess:
         if found is None:
             return
         number, command = found
-        refusal = ""
+        refusal: Refusal | None = None
         match command:
             case Motion():
                 refusal = self.core.begin(command)
@@ -158,11 +159,12 @@ class LoopProcess:
             case LookAgain():
                 self.core.look_again(command.key, command.in_s)
             case Release() if self._link.held:
-                refusal = "a person has stopped the robot, and releases it"
+                stopped = (fact(Kind.HELD_STILL, Mode.STOPPED),)
+                refusal = Refusal(stopped, "a person has stopped the robot, and releases it")
             case Release():
                 self.core.release()
             case msgspec.DecodeError():
-                refusal = f"not a command: {command}"
+                refusal = Refusal((fact(Kind.BAD_COMMAND, "command"),), f"not a command: {command}")
         self._told = Told(number, refusal, self.core.report)
         self._publish()
 
@@ -176,7 +178,7 @@ class LoopProcess:
         if self._silent == LATE_TURNS:
             self.core.pause()
         elif self._silent == GONE_TURNS:
-            self.core.abandon(f"the agent's heartbeat stood still for {GONE_TURNS * self.core.backend.period_s:g} s")
+            self.core.abandon((fact(Kind.GAVE_NO_ANSWER, "ex"),))
 
     @property
     def _late(self) -> bool:

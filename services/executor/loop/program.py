@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.languages.facts import Facts, Kind, fact
 from velma import ranges
 from velma.errors import MotionError
 from velma.names import BODY, START
@@ -19,6 +20,7 @@ from velma.ranges import Bend, Effort, JointSpeed, Kilograms, Lever, Metres, Pan
 Array = NDArray[np.float64]
 
 SPLINE_SLACK = 0.02  # rad: a timed path is beside the lines between its points by less (its tests)
+FAULT: Facts = (fact(Kind.FAULT),)
 KNOT_S = 0.01  # between two knots; linear interpolation is smooth enough for a hand at 0.35 m/s
 
 
@@ -194,7 +196,7 @@ class Report(msgspec.Struct, frozen=True):
 
     key: str = ""
     phase: Phase = Phase.IDLE
-    reason: str = ""
+    why: Facts = ()
     ended_by: Until | None = None
     time_s: float = 0.0
     right: HandReport = HandReport()
@@ -207,6 +209,23 @@ class Report(msgspec.Struct, frozen=True):
 
 
 Result = Report
+
+
+class Refusal(msgspec.Struct, frozen=True):
+    """Why the loop does not take a command; `text`: the same for a log."""
+
+    why: Facts
+    text: str
+
+
+def refusal(error: MotionError) -> Refusal:
+    """Return why a motion cannot be made."""
+    return Refusal((fact(Kind.MOTION_REFUSED, named(error.field)),), str(error))
+
+
+def named(field: str) -> str:
+    """Return the name of a field as a word of a fact, which has no blanks."""
+    return field.replace(" ", "_")[:64]
 
 
 def motion(key: str, q: Array, **options: Any) -> Motion:

@@ -22,7 +22,7 @@ import msgspec
 from agent_runtime.io.run_files import make_run
 from velma.errors import SlotError
 
-MAGIC = b"VELMALP1"
+MAGIC = b"VELMALP2"
 _HEAD = struct.Struct("<QQ")  # sequence number, length
 _COUNT = struct.Struct("<Q")
 

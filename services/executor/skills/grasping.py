@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from companion.languages import rc
+from companion.languages.facts import Kind, fact
 from services.executor.loop.program import Close, Open, Until
 from services.executor.skills import motions
 from services.executor.skills.looking import missed
@@ -29,7 +30,7 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
     Raises empty if the hand closes on nothing, failed if no sense can check it.
     """
     if command.object not in here.seen:
-        raise replan(f"{command.object} has not been seen")
+        raise replan(fact(Kind.NOT_SEEN, command.object))
     side = command.side
     poses = [here.seen[command.object] * transform(point.at) for point in command.approach]
     first, rest = _approach(here, side, command, poses)
@@ -39,7 +40,7 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
         **motions.hand(side, motions.fingers(command.approach[0].fingers)),
     )  # fmt: skip
     if (yield from missed(here, command.key, command.object, sensed)):
-        raise missing(f"{command.object} is not where it was")
+        raise missing(fact(Kind.NOT_WHERE_IT_WAS, command.object))
     require(here, command)
     try:
         for leg, point in zip(rest, command.approach[1:], strict=True):
@@ -54,7 +55,7 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
             touched = sum(sensed.touched[side])
             if not touched:
                 here.give_up(command.object)  # the hand closed where it should be
-            raise empty(f"the {side} hand closed and {touched} of 3 fingers touched {command.object}")
+            raise empty(fact(Kind.TOUCHED, side, command.object, touched))
     except (Cancelled, NotPossible):
         yield from _back_out(here, side, command, [first[-1] if first else here.q, *(q for leg in rest for q in leg)])
         raise
@@ -81,6 +82,6 @@ def _approach(
         here.set_fingers(side, command.approach[-1].fingers)
         start = ik.solve(here.robot, side, poses[0], here.q, columns=names.ARM[side])
         if start is None:
-            raise replan(f"the {side} hand cannot reach {command.object} from here")
+            raise replan(fact(Kind.UNREACHED, side, command.object))
         first = joining(here, start)
         return first, legs(here, side, start, poses[1:])

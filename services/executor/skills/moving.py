@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from companion.languages import rc
+from companion.languages.facts import Fact, Facts, Kind, fact
 from services.executor.skills import motions, own_paths
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Skill, replan
@@ -84,12 +85,13 @@ def joining(here: Situation, goal: np.ndarray) -> list[np.ndarray]:
     states = [here.q + way * k / steps for k in range(1, steps + 1)]
     for state in states:
         if not here.world.free(state):
-            raise replan(f"the motion to the start of the planned path is not free: {_named(here, state)}")
+            raise replan(*_in_the_way(here, state))
     return states
 
 
-def _named(here: Situation, q: np.ndarray) -> str:
-    return ", ".join(f"{a} meets {b}" for a, b, _ in here.world.touching(q)[:2]) or "blocked"
+def _in_the_way(here: Situation, q: np.ndarray) -> Facts:
+    met = tuple(fact(Kind.WAY_NOT_FREE, a, b) for a, b, _ in here.world.touching(q)[:2])
+    return met or (fact(Kind.WAY_BLOCKED),)
 
 
 def move_cartesian(here: Situation, command: rc.MoveCartesian) -> Skill:
@@ -118,7 +120,12 @@ def straight(
         outwards = None if accept is None else _outwards(here, q)
         return ik.line(here.robot, side, q, target, accept=outwards, columns=names.COLUMNS[side])[1:]
     except ik.PathBlocked as blocked:
-        raise replan(f"the {side} hand cannot move straight: {blocked}") from None
+        raise replan(fact(Kind.NOT_STRAIGHT, side, line_ends(blocked))) from None
+
+
+def line_ends(blocked: ik.PathBlocked) -> Fact:
+    """Return why a straight line of the grip cannot be followed to its end, and where it ends."""
+    return fact(Kind.LINE_ENDS, 100.0 * blocked.fraction, blocked.reason)
 
 
 def legs(
@@ -154,14 +161,14 @@ def home(here: Situation, command: rc.Home) -> Skill:
     """Bring an empty arm to its start posture by a path planned now, after backing away from contacts."""
     side = command.side
     if side in here.held:
-        raise replan(f"the {side} hand holds {here.held[side].object}: put it down first")
+        raise replan(fact(Kind.PUT_DOWN_FIRST, side, here.held[side].object))
     speed = LOADED_SPEED if here.held else EMPTY_SPEED
     aside = backing.out_of_touch(here.robot, here.world, side, here.q)
     if len(aside) > 1:
         yield motions.along(here, command.key, aside, RETREAT_SPEED)
     path = own_paths.free_path(here, side, _homes(here, side), speed)
     if path is None:
-        raise replan(f"the {side} arm finds no path home")
+        raise replan(fact(Kind.NO_WAY_HOME, side))
     yield motions.along(here, command.key, path, speed, watch=_watched(here, path[-1]) if here.put else None)
     here.set_fingers(side, HOME_FINGERS)
     yield motions.still(here, command.key, **motions.hand(side, motions.fingers(HOME_FINGERS)))

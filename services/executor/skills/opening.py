@@ -7,11 +7,12 @@ import numpy as np
 import pinocchio as pin
 
 from companion.languages import rc
+from companion.languages.facts import Kind, fact
 from services.executor.loop.program import Close, Open, Until
 from services.executor.skills import motions, own_paths
 from services.executor.skills.grasping import SETTLE_S
 from services.executor.skills.looking import missed
-from services.executor.skills.moving import joining, legs
+from services.executor.skills.moving import joining, legs, line_ends
 from services.executor.skills.situation import MARGIN_M, Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Skill, despite_cancel, empty, missing, replan
 from velma import names
@@ -31,7 +32,7 @@ def open_door(here: Situation, command: rc.OpenDoor) -> Skill:
     Raises missing if it is not where it was, empty if the hand closes on nothing.
     """
     if command.door not in here.seen:
-        raise replan(f"{command.door} has not been seen")
+        raise replan(fact(Kind.NOT_SEEN, command.door))
     side, door = command.side, command.door
     with attaching.allowed(here.world, (door, f"{side}_hand")):
         yield from _to_handle(here, side, command)
@@ -56,7 +57,7 @@ def _to_handle(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
     )  # fmt: skip
     here.set_fingers(side, command.approach[0].fingers)
     if (yield from missed(here, command.key, command.door, sensed)):
-        raise missing(f"{command.door} is not where it was")
+        raise missing(fact(Kind.NOT_WHERE_IT_WAS, command.door))
     way = _solved(here, side, command)
     yield motions.along(here, command.key, [*joining(here, way[0]), *way], APPROACH_SPEED)
 
@@ -72,7 +73,7 @@ def _solved(here: Situation, side: str, command: rc.OpenDoor) -> list[np.ndarray
     here.set_fingers(side, command.approach[-1].fingers)
     start = ik.solve(here.robot, side, poses[0], here.q, columns=names.ARM[side])
     if start is None:
-        raise replan(f"the {side} hand cannot reach the handle of {command.door} from here")
+        raise replan(fact(Kind.HANDLE_UNREACHED, side, command.door))
     # Torso and arm move, as in pl, which saw room for the turn.
     return [start, *chain.from_iterable(legs(here, side, start, poses[1:], torso=True))]
 
@@ -83,7 +84,7 @@ def _take(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
     sensed = yield motions.still(here, command.key, until=Until.TOUCH, **motions.hand(side, close))
     touched = sum(sensed.touched[side])
     if touched < FINGERS_NEEDED:
-        raise empty(f"the {side} hand closed and {touched} of 3 fingers touched the handle of {command.door}")
+        raise empty(fact(Kind.TOUCHED_HANDLE, side, command.door, touched))
     here.set_fingers(side, command.closed)
 
 
@@ -106,8 +107,8 @@ def _arc(here: Situation, side: str, command: rc.OpenDoor, leaf: pin.SE3, end: p
             with attaching.room(here.world, room):
                 return opening.arc(here.robot, here.world, side, here.q, command.door, leaf, command.turn, end)
         except ik.PathBlocked as blocked:
-            why = str(blocked)
-    raise replan(f"the {side} hand cannot turn {command.door}: {why}")
+            why = line_ends(blocked)
+    raise replan(fact(Kind.NOT_TURNED, side, command.door, why))
 
 
 def _let_go(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
@@ -127,8 +128,8 @@ def _judge(here: Situation, command: rc.OpenDoor, before: pin.SE3) -> Skill:
     """Look at the leaf. Raises replan if it is not seen, or is not open enough."""
     sensed = yield motions.still(here, command.key, watch=_middle(here.seen[command.door]), settle_s=SETTLE_S)
     if command.door not in {sight.name for sight in sensed.sights}:
-        raise replan(f"{command.door} is not seen after it was turned")
+        raise replan(fact(Kind.NOT_SEEN_TURNED, command.door))
     now, then = (heading(leaf.rotation[:, 0]) for leaf in (here.seen[command.door], before))
     done = math.copysign(1.0, command.turn) * math.remainder(now - then, math.tau)
     if done < command.least:
-        raise replan(f"{command.door} was turned by {done:.2f} rad, {command.least:.2f} are needed")
+        raise replan(fact(Kind.TURNED_TOO_LITTLE, command.door, done, command.least))

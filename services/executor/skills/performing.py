@@ -13,8 +13,9 @@ import pinocchio as pin
 from msgspec.structs import replace
 
 from companion.languages import rc, rs
+from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import BodyPosture, Pose, Side
-from services.executor.loop.program import Motion, Open, Phase
+from services.executor.loop.program import Motion, Open, Phase, refusal
 from services.executor.skills import SKILLS, motions, senses
 from services.executor.skills.evidence import evidence
 from services.executor.skills.looking import MORE_LOOKS
@@ -55,22 +56,22 @@ def _carried_out(here: Situation, command: rc.Act) -> Performance:
             if sensed.ended == Phase.CANCELLED:
                 motion = skill.throw(Cancelled())
             elif sensed.ended == Phase.SLIPPED:
-                motion = skill.throw(NotPossible(Phase.SLIPPED, sensed.reason))
+                motion = skill.throw(NotPossible(Phase.SLIPPED, sensed.why))
             elif sensed.ended == Phase.DONE:
                 motion = skill.send(sensed)
             elif sensed.ended == Phase.LOST:
                 unfelt = {side: known[side] for side in _feeling(here, sensed, Grip.LOST)}
                 return (yield from _emptied(here, sights, command.key, Phase.LOST, unfelt, began))
             else:
-                return ended(here, sights, command.key, sensed.ended, sensed.reason, began)
+                return ended(here, sights, command.key, sensed.ended, sensed.why, began)
     except StopIteration:
-        kind = why = ""
+        kind, why = "", Facts()
     except Cancelled:
-        return ended(here, sights, command.key, rc.NotDoneKind.CANCELLED, "cancelled", began)
-    except NotPossible as reason:
-        kind, why = reason.kind, reason.reason
+        return ended(here, sights, command.key, rc.NotDoneKind.CANCELLED, (fact(Kind.CANCELLED),), began)
+    except NotPossible as hindered:
+        kind, why = hindered.kind, hindered.why
     except MotionError as wrong:
-        kind, why = rc.NotDoneKind.FAILED, str(wrong)
+        kind, why, here.refused = rc.NotDoneKind.FAILED, refusal(wrong).why, str(wrong)
     if sensed is not None and (sides := _unfelt(here, command, sensed)):
         unfelt = {side: known[side] for side in sides}
         return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
@@ -118,7 +119,7 @@ def _emptied(
             continue
         name, mass, inside = here.held[side].object, here.held[side].mass, here.held[side].T_grip_object
         take(here, (yield motions.still(here, key, **motions.payload(side, mass, inside))))  # felt from the beginning
-        why = f"the {side} wrist does not feel {name}, but it is there: the sensor may be wrong"
+        why = (fact(Kind.WRIST_DOUBTED, side, name),)
         return ended(here, sights, key, rc.NotDoneKind.REPLAN, why, began)
     lost = {Side(side): here.lose(side) for side in sides}
     hands: dict[str, Any] = {}
@@ -129,9 +130,9 @@ def _emptied(
     for side, name in lost.items():
         here.set_fingers(side, sensed.fingers[side])
         here.forget(name)  # it may have been seen while it fell
-    words = "lost" if kind == Phase.LOST else "does not feel"
-    reason = " and ".join(f"the {side} hand {words} {name}" for side, name in lost.items())
-    return replace(ended(here, sights, key, kind, reason, began), lost=lost)
+    told = Kind.LOST if kind == Phase.LOST else Kind.FEELS_NOT
+    gone = tuple(fact(told, side, name) for side, name in lost.items())
+    return replace(ended(here, sights, key, kind, gone, began), lost=lost)
 
 
 def _gone(here: Situation, key: str, side: str, inside: pin.SE3) -> Generator[Motion, Sensed, bool]:
@@ -176,12 +177,12 @@ def _done(here: Situation, sights: Names, command: rc.Act, sensed: Sensed | None
     )  # fmt: skip
 
 
-def ended(here: Situation, sights: Names, key: str, kind: str, reason: str, began: float) -> rc.NotDone:
+def ended(here: Situation, sights: Names, key: str, kind: str, why: Facts, began: float) -> rc.NotDone:
     """Return the outcome of an act that was not done."""
     seen, placed = _seen_and_placed(here, sights, began)
     took, missing = here.time - began, tuple(sorted(here.missing))
     return rc.NotDone(
-        key, kind, reason, posture(here), seen, held(here), took, placed=placed, missing=missing, ill=here.ill
+        key, kind, why, posture(here), seen, held(here), took, placed=placed, missing=missing, ill=here.ill
     )
 
 

@@ -16,6 +16,7 @@ from msgspec import structs
 
 from companion import models
 from companion.languages import rc
+from companion.languages.facts import Kind, fact
 from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Unfinished
 from services.executor.skills import motions
@@ -70,24 +71,25 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
     sense can check it."""
     held = here.held.get(command.side)
     if held is None or held.object != command.source:
-        raise replan(f"the {command.side} hand does not hold {command.source}")
+        raise replan(fact(Kind.HOLDS_NOT, command.side, command.source))
     if command.destination not in here.seen:
-        raise replan(f"{command.destination} has not been seen")
+        raise replan(fact(Kind.NOT_SEEN, command.destination))
     flow = _stream(here, command)
     first = flow.source(command.tilts[0], command.azimuth, command.spin) * held.T_grip_object.inverse()
     q = ik.solve(here.robot, command.side, first, here.q, columns=names.ARM[command.side])
     tilt = None if q is None else _tilt(here, command, flow, q)
     if q is None or tilt is None:
-        raise replan(f"{command.source} cannot be tilted over {command.destination} from here")
+        raise replan(fact(Kind.NO_TILT, command.source, command.destination))
     rim = flow.rim
     before = yield motions.along(here, command.key, joining(here, q), TILT_SPEED, watch=rim, settle_s=WEIGH_S)
     if _grip(command, before).felt == Grip.UNSURE and _grip(command, before).mass < held.mass / 2.0:
-        raise empty(f"the {command.side} hand does not feel {command.source}")
+        raise empty(fact(Kind.FEELS_NOT, command.side, command.source))
     if (yield from missed(here, command.key, command.destination, before)):
-        raise missing(f"{command.destination} is not where it was")
+        raise missing(fact(Kind.NOT_WHERE_IT_WAS, command.destination))
     require(here, command)
-    if np.linalg.norm(_stream(here, command).rim - rim) > MOVED_M:
-        raise replan(f"{command.destination} was moved before the tilt")
+    moved = float(np.linalg.norm(_stream(here, command).rim - rim))
+    if moved > MOVED_M:
+        raise replan(fact(Kind.BEFORE_THE_TILT, fact(Kind.MOVED, command.destination, moved)))
     _begin(here, command, before)
     after = yield from _tilted(here, command, flow, tilt)
     if _much_left(here, command, after):
@@ -157,9 +159,7 @@ def _judge(here: Situation, command: rc.Pour, begun: Unfinished, rim: np.ndarray
         least = max(PARTLY * min(content, SEEN_KG), LEAST_SEEN_KG if begun.had else 0.0)
         here.arrived = here.at_least[name] > begun.had + least or None
     if nothing_left and not here.arrived:
-        raise failed(
-            f"nothing left {command.source}: it weighs {before:.3f} kg before and {after:.3f} kg after the pour"
-        )
+        raise failed(fact(Kind.NOTHING_LEFT, command.source, before, after))
 
 
 def _tilted(
@@ -203,8 +203,8 @@ def _blame(here: Situation, command: rc.Pour, watch: Watch, after: Sensed) -> Sk
         again = yield motions.still(here, command.key, watch=here.seen[name].translation, settle_s=REST_S)
         if not _shown(name, again):
             here.give_up(name)
-            raise missing(f"{name} is not where it was: {watch.why}")
-    raise replan(watch.why)
+            raise missing(fact(Kind.NOT_WHERE_IT_WAS, name, watch.why))
+    raise replan(*watch.why)
 
 
 def _shown(name: str, sensed: Sensed) -> bool:
@@ -270,7 +270,7 @@ def _stream(here: Situation, command: rc.Pour) -> Stream:
     opening = models.MODELS[here.models[command.source]].hole
     if rim is None or opening is None:
         closed = command.destination if rim is None else command.source
-        raise failed(f"{closed} has no opening")
+        raise failed(fact(Kind.NO_OPENING, closed))
     return Stream(here.seen[command.destination].act(np.array(rim.centre)), rim.radius, opening.centre[2])
 
 

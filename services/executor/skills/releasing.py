@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from companion import models
 from companion.languages import rc
+from companion.languages.facts import Fact, Kind, fact
 from companion.languages.values import Vector
 from services.executor.loop.program import Open, Until
 from services.executor.skills import emergency_place, motions, own_paths
@@ -55,8 +56,8 @@ def release(here: Situation, command: rc.Release) -> Skill:
 class _Met(NotPossible):
     """The object met something `above` its place [m]."""
 
-    def __init__(self, reason: str, place: pin.SE3, above: float) -> None:
-        super().__init__(rc.NotDoneKind.REPLAN, reason)
+    def __init__(self, why: Fact, place: pin.SE3, above: float) -> None:
+        super().__init__(rc.NotDoneKind.REPLAN, (why,))
         self.place, self.above = place, above
 
 
@@ -97,7 +98,7 @@ def _lower(here: Situation, command: rc.Release, place: pin.SE3, path: list[np.n
     )  # fmt: skip
     above = (here.robot.grip(here.q, side) * here.held[side].T_grip_object).translation[2] - place.translation[2]
     if above > HIGH_M:
-        raise _Met(f"the {side} hand met something {above:.2f} m above the place of {command.object}", place, above)
+        raise _Met(fact(Kind.MET_SOMETHING, side, command.object, above), place, above)
 
 
 def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, list[np.ndarray]]:
@@ -117,7 +118,7 @@ def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, li
         return back
     found = emergency_place.free_spot(here, side, _retreat(command))
     if found is None:
-        raise failed(f"the {side} hand finds no free place for {held.object}")
+        raise failed(fact(Kind.NO_FREE_PLACE, side, held.object))
     return found
 
 
@@ -154,9 +155,9 @@ def _to(here: Situation, side: str, target: pin.SE3) -> list[np.ndarray]:
     """Return the short, checked path from the set-point to `target`. Raises replan if there is none."""
     q = ik.solve(here.robot, side, target, here.q, columns=names.ARM[side])
     if q is None or np.abs(q - here.q).max() > JOIN_LIMIT:
-        raise replan(f"the {side} hand is not near the place where it should put down")
+        raise replan(fact(Kind.NOT_ABOVE_ITS_PLACE, side))
     steps = max(1, int(np.ceil(np.abs(q - here.q).max() / 0.05)))
     path = [here.q + (q - here.q) * k / steps for k in range(1, steps + 1)]
     if not all(here.world.free(x) for x in path):
-        raise replan(f"the {side} hand has no free path to the place where it should put down")
+        raise replan(fact(Kind.NO_PATH_TO_ITS_PLACE, side))
     return path

@@ -6,10 +6,12 @@ shows whether that is well again.
 """
 
 from collections.abc import Callable, Iterator
+from itertools import islice
 
 import numpy as np
 
 from companion.languages import rc
+from companion.languages.facts import Fact, Facts, Kind, fact
 from companion.languages.values import Side
 from services.executor.loop.program import GripReport
 from services.executor.skills.situation import Situation
@@ -63,19 +65,19 @@ def _told(here: Situation, sensed: Sensed) -> Iterator[rc.Ill]:
             yield rc.Ill(ARM[Side(side)], rc.Fault.OFF, _short(angle))
 
 
-def refused(here: Situation, command: Act) -> str:
-    """Return why an act is not begun with these senses; "" where it is."""
+def refused(here: Situation, command: Act) -> Facts:
+    """Return why an act is not begun with these senses; () where it is."""
     if isinstance(command, rc.Look):
-        return ""
+        return ()
     side = command.side
-    rows = (why for acts, when, why in _NOT_BEGUN if isinstance(command, acts) and when(here, side))
-    return next((f"not begun: {why.format(side=side)}" for why in rows), "")
+    rows = (why(side) for acts, when, why in _NOT_BEGUN if isinstance(command, acts) and when(here, side))
+    return tuple(fact(Kind.NOT_BEGUN, why) for why in islice(rows, 1))
 
 
 def require(here: Situation, command: Act) -> None:
     """Raise failed if the act cannot go on with the senses as they are now: of a look, if it shows nothing true."""
     blind = isinstance(command, rc.Look) and (_ill(here, rc.Sensor.CAMERA) or _off(here))
-    if why := "nothing is seen" if blind else refused(here, command):
+    if why := (fact(Kind.NOTHING_IS_SEEN),) if blind else refused(here, command):
         raise NotPossible(rc.NotDoneKind.FAILED, why)
 
 
@@ -105,9 +107,10 @@ def _short(angle: float) -> float:
     return float(np.round(angle, 4))
 
 
-_NOT_BEGUN: tuple[tuple[tuple[type[Act], ...], Callable[[Situation, Side], bool], str], ...] = (
-    (_ARMS, _off, f"torso or head is off by more than {MOST_OFF:g} rad"),
-    (_BY_JOINTS, _beside, f"the {{side}} hand is more than {MOST_BESIDE_M:g} m from where its joints say"),
-    (_CHECKED, _unchecked, "neither the camera nor the {side} wrist can check it"),
+_Row = tuple[tuple[type[Act], ...], Callable[[Situation, Side], bool], Callable[[Side], Fact]]
+_NOT_BEGUN: tuple[_Row, ...] = (
+    (_ARMS, _off, lambda _: fact(Kind.BODY_OFF, MOST_OFF)),
+    (_BY_JOINTS, _beside, lambda side: fact(Kind.ARM_OFF, side, MOST_BESIDE_M)),
+    (_CHECKED, _unchecked, lambda side: fact(Kind.UNCHECKABLE, side)),
 )
 """Which acts are not begun, when, and why."""

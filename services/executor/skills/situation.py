@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from companion import models
 from companion.languages import rc
+from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Side, Uncertainty
 from services.executor.local import Array
 from services.executor.remembered import Unfinished
@@ -90,7 +91,8 @@ class Situation:
     `uncertain`: how far the poses in `seen` may be off, where eyes told it. `missing`: things that were looked for in
     this act and are not where they should be. `looked_at`: things that were seen in this act, after a hand took them or
     let go of them. `ill`: sensors whose readings cannot be true. `blind`: number of looks in a row that showed none of
-    the furniture that must be in view; `numb`: hands without a working sensor in the wrist.
+    the furniture that must be in view; `numb`: hands without a working sensor in the wrist. `refused`: what was wrong
+    with a motion that could not be made, for the log.
     """
 
     robot: Robot
@@ -118,6 +120,7 @@ class Situation:
     ill: tuple[rc.Ill, ...] = ()
     blind: int = 0
     numb: set[Side] = field(default_factory=set)
+    refused: str = ""
 
     def begin(self) -> None:
         """Forget what is told at the end of one act only."""
@@ -236,8 +239,8 @@ class Situation:
         self.missing.add(name)
         self.forget(name)
 
-    def astray(self) -> str:
-        """Return which thing was seen to have fallen over, or to be elsewhere than a hand left it; "" for none.
+    def astray(self) -> Facts:
+        """Return which thing was seen to have fallen over, or to be elsewhere than a hand left it; () for none.
 
         What was seen since is told once.
         """
@@ -245,10 +248,10 @@ class Situation:
             put, seen = self.put.pop(name), self.seen[name]
             aside = float(np.linalg.norm(seen.translation - put.translation))
             if seen.rotation[:, 2] @ put.rotation[:, 2] < FALLEN:
-                return f"{name} fell over after it was put down"
+                return (fact(Kind.FELL_OVER, name),)
             if aside > ASIDE_M:
-                return f"{name} is {aside:.2f} m from where it was put down"
-        return ""
+                return (fact(Kind.ASIDE, name, aside),)
+        return ()
 
     def _note(self, name: str, uncertainty: Uncertainty | None) -> None:
         self.uncertain.pop(name, None)

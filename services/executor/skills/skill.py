@@ -4,7 +4,7 @@ At a motion that is to be looked at, it gets a Sensed now and then that has not 
 to do: LookAgain, or Cancel to bring the motion to rest. Whether anybody looks is not sure; the end of a motion is.
 
 A skill neither waits nor reads a clock, so the same one runs in one process, in the skill process and in tests. It
-returns when the act is done, or raises NotPossible with kind and reason.
+returns when the act is done, or raises NotPossible with kind and facts.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -13,19 +13,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.languages import rc
+from companion.languages.facts import Fact, Facts
 from services.executor.loop.program import Cancel, GripReport, LookAgain, Motion
 from services.executor.sight import Sight
 
 
 @dataclass(frozen=True)
 class Sensed:
-    """After or during a motion: how it ended, set-point q and measured joints (15,) [rad], touches, grips, sights.
+    """After or during a motion: how it ended, why, set-point q and measured joints (15,) [rad], touches, grips, sights.
 
     `wrong`, `off`: of the eyes that had these sights (services.executor.sight.Eye).
     """
 
     ended: str
-    reason: str
+    why: Facts
     q: np.ndarray
     measured: np.ndarray
     touched: dict[str, tuple[bool, ...]]
@@ -48,9 +49,9 @@ class NotPossible(Exception):
     """The act cannot be done. `kind`: failed, replan (the world is not as planned), missing (a thing), empty or
     slipped (in the hand)."""
 
-    def __init__(self, kind: str, reason: str) -> None:
-        self.kind, self.reason = kind, reason
-        super().__init__(reason)
+    def __init__(self, kind: str, why: Facts) -> None:
+        self.kind, self.why = kind, why
+        super().__init__(kind, why)
 
 
 class Cancelled(Exception):
@@ -70,27 +71,27 @@ def despite_slips(make: Callable[[], Skill]) -> Skill:
     for _ in range(SLIPS):
         try:
             return (yield from make())
-        except NotPossible as reason:
-            if reason.kind != rc.NotDoneKind.SLIPPED:
+        except NotPossible as slip:
+            if slip.kind != rc.NotDoneKind.SLIPPED:
                 raise
     return (yield from make())
 
 
-def replan(reason: str) -> NotPossible:
+def replan(*why: Fact) -> NotPossible:
     """Return the exception for a world that is not as planned."""
-    return NotPossible(rc.NotDoneKind.REPLAN, reason)
+    return NotPossible(rc.NotDoneKind.REPLAN, why)
 
 
-def empty(reason: str) -> NotPossible:
+def empty(*why: Fact) -> NotPossible:
     """Return the exception for a hand that does not hold what it should."""
-    return NotPossible(rc.NotDoneKind.EMPTY, reason)
+    return NotPossible(rc.NotDoneKind.EMPTY, why)
 
 
-def missing(reason: str) -> NotPossible:
+def missing(*why: Fact) -> NotPossible:
     """Return the exception for a thing that is not where it should be."""
-    return NotPossible(rc.NotDoneKind.MISSING, reason)
+    return NotPossible(rc.NotDoneKind.MISSING, why)
 
 
-def failed(reason: str) -> NotPossible:
+def failed(*why: Fact) -> NotPossible:
     """Return the exception for an act that failed or cannot be tried."""
-    return NotPossible(rc.NotDoneKind.FAILED, reason)
+    return NotPossible(rc.NotDoneKind.FAILED, why)

@@ -10,6 +10,7 @@ from collections.abc import Generator
 
 import numpy as np
 
+from companion.languages.facts import Facts, Kind, fact
 from services.executor.loop.program import Cancel, LookAgain, Motion, Phase
 from services.executor.sight import Sight
 from services.executor.skills.situation import FALLEN, SURE_MARKERS, Situation
@@ -28,7 +29,7 @@ FLOWS = np.radians(75.0)  # tilt of the jar up to which nothing covers markers i
 
 
 class Watch:
-    """What is known of the destination of a pour during one tilt. `why`: what is wrong with it, "" for nothing.
+    """What is known of the destination of a pour during one tilt. `why`: what is wrong with it, () for nothing.
 
     `gone`: it was not seen, and nothing hid it.
     """
@@ -39,7 +40,8 @@ class Watch:
         self._before = here.above(name)
         self._seen_by: frozenset[int] = frozenset()  # markers that were in view when it was seen last
         self._wrong, self._unseen, self._markers = 0, 0, 0.0
-        self.why, self.gone = "", False
+        self.why: Facts = ()
+        self.gone = False
 
     def during(self, motion: Motion) -> Generator[Asked, Sensed, Sensed]:
         """Run a motion, brake it if something is wrong, and return what is sensed at its end."""
@@ -63,7 +65,7 @@ class Watch:
         for sight in sensed.sights:
             if sight.name != self._name and here.holder(sight.name) is None:
                 here.place(sight.name, sight.T_world_object)
-        wrong = self._above() or next((self._aside(one) for one in sensed.sights if one.name == self._name), "")
+        wrong = self._above() or next((self._aside(one) for one in sensed.sights if one.name == self._name), ())
         if wrong:
             self._wrong += 1
         seen = any(one.name == self._name for one in sensed.sights)
@@ -74,22 +76,22 @@ class Watch:
         elif sure := self._sure():
             self._unseen, self._markers = self._unseen + 1, self._markers + sure * (1.0 if sensed.sights else 0.5)
         if self._wrong >= SEEN_WRONG:
-            self.why = f"{wrong} during the tilt"
+            self.why = (fact(Kind.DURING_THE_TILT, wrong),)
         elif self._unseen >= UNSEEN and self._markers >= MARKERS:
-            self.why, self.gone = f"{self._name} was not to be seen during the tilt", True
+            self.why, self.gone = (fact(Kind.DURING_THE_TILT, fact(Kind.OUT_OF_VIEW, self._name)),), True
 
-    def _above(self) -> str:
-        """Return what is above it that was not there before, "" for nothing."""
+    def _above(self) -> Facts:
+        """Return what is above it that was not there before, () for nothing."""
         above = sorted(self._here.above(self._name, self._at) - self._before)
-        return f"{above[0]} is above {self._name}" if above else ""
+        return (fact(Kind.ABOVE, above[0], self._name),) if above else ()
 
-    def _aside(self, sight: Sight) -> str:
-        """Return in what way it is seen elsewhere than before, "" where it is not."""
+    def _aside(self, sight: Sight) -> Facts:
+        """Return in what way it is seen elsewhere than before, () where it is not."""
         seen = sight.T_world_object
         if seen.rotation[:, 2] @ self._at.rotation[:, 2] < FALLEN:
-            return f"{self._name} fell over"
+            return (fact(Kind.FELL_OVER, self._name),)
         moved = float(np.linalg.norm(seen.translation - self._at.translation))
-        return f"{self._name} was moved by {moved:.2f} m" if moved > self._rim_radius / 2.0 else ""
+        return (fact(Kind.MOVED, self._name, moved),) if moved > self._rim_radius / 2.0 else ()
 
     def _sure(self) -> int:
         """Return by how many markers it would surely be seen from here; 0: it need not be seen.

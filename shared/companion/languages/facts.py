@@ -128,6 +128,7 @@ class Kind(StrEnum):
     NO_OPENING = "no-opening", "a"
     INTO_ITSELF = "into-itself", "a"
     NO_KNOWN_GRASP = "no-known-grasp", "a"
+    LINE_ENDS = "line-ends", "x:percent w:limit"  # of a straight way of the hand: by reach, jump or collision
     # The body
     NOT_FOLLOWED = "not-followed", "w:part x:rad"
     FINGER_NOT_FOLLOWED = "finger-not-followed", "side x:number y:rad"

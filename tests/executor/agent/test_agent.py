@@ -10,6 +10,7 @@ from scripted_partner import Open, Say, partner
 from agent_runtime.testing.wires import Point, Wires
 from companion.binding import wiring
 from companion.languages import rc
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from fipa_codec.performatives import Performative as P
 from services.executor import behaviours
@@ -60,36 +61,38 @@ def test_an_act(scene: Scene) -> None:
 
 
 def test_one_act_at_a_time(scene: Scene) -> None:
-    """A second act is refused in words that name the first; the first goes on."""
+    """A second act is refused; the first goes on."""
     scene.ask(MOVE)
     scene.wires.run(lambda: len(scene.heard) == 1)
     scene.ask(GRASP)
     scene.wires.run(lambda: len(scene.heard) == 3)
     assert [(number, word) for number, word, _ in scene.heard] == [(0, "agree"), (1, "refuse"), (0, "inform")]
     assert scene.heard[1][2].kind == "busy"
-    assert "m1" in scene.heard[1][2].reason
+    assert scene.heard[1][2].why == (fact(Kind.BUSY, "ex"),)
 
 
 @pytest.mark.parametrize(
-    ("command", "words"),
+    ("command", "field", "words"),
     [
-        (rc.MoveJoint("a", Side.LEFT, (), 0.3), "path"),
-        (rc.MoveJoint("a", Side.LEFT, ((0.0,) * 7,), 0.3), "8 joints"),
-        (rc.MoveJoint("a", Side.LEFT, ((float("nan"),) * 8,), 0.3), "finite"),
-        (rc.MoveJoint("a", Side.LEFT, ((0.0,) * 8,), 0.0), "speed"),
-        (rc.MoveJoint("", Side.LEFT, ((0.0,) * 8,), 0.3), "key"),
-        (rc.MoveCartesian("a", Side.LEFT, ()), "segments"),
-        (rc.Grasp("a", Side.LEFT, "jar_1", "g", (), 0.1, 0.3, 0.2), "approach"),
-        (rc.Look("a", ()), "point"),
-        (rc.Pour("a", Side.LEFT, "jar_1", "bowl_1", float("inf"), 0.0, (0.0, 1.0), 1.0, 0.1), "finite"),
+        (rc.MoveJoint("a", Side.LEFT, (), 0.3), "path", "empty"),
+        (rc.MoveJoint("a", Side.LEFT, ((0.0,) * 7,), 0.3), "path", "8 joints"),
+        (rc.MoveJoint("a", Side.LEFT, ((float("nan"),) * 8,), 0.3), "path[0][0]", "finite"),
+        (rc.MoveJoint("a", Side.LEFT, ((0.0,) * 8,), 0.0), "speed", "finite"),
+        (rc.MoveJoint("", Side.LEFT, ((0.0,) * 8,), 0.3), "key", "empty"),
+        (rc.MoveCartesian("a", Side.LEFT, ()), "segments", "empty"),
+        (rc.Grasp("a", Side.LEFT, "jar_1", "g", (), 0.1, 0.3, 0.2), "approach", "empty"),
+        (rc.Look("a", ()), "at", "point"),
+        (rc.Pour("a", Side.LEFT, "jar_1", "bowl_1", float("inf"), 0.0, (0.0, 1.0), 1.0, 0.1), "azimuth", "finite"),
     ],
 )
-def test_what_makes_no_sense_is_refused(scene: Scene, command: rc.Act, words: str) -> None:
+def test_what_makes_no_sense_is_refused(scene: Scene, command: rc.Act, field: str, words: str) -> None:
     """Nothing moves, the reason names what is wrong, and the next act is served."""
-    assert words in wrong(command)
+    found = wrong(command)
+    assert found is not None
+    assert words in found.text
     scene.ask(command)
     scene.until("refuse")
-    assert words in scene.last.reason
+    assert scene.last.why == (fact(Kind.BAD_COMMAND, field),)
     assert not scene.world.begun
     scene.ask(MOVE)
     scene.until("refuse", "agree", "inform")
@@ -101,7 +104,7 @@ def test_a_key_is_begun_once(scene: Scene) -> None:
     scene.until("agree", "inform")
     scene.ask(MOVE)
     scene.until("agree", "inform", "refuse")
-    assert "never started again" in scene.last.reason
+    assert scene.last.why == (fact(Kind.BEGUN_BEFORE),)
 
 
 def test_an_act_that_is_looked_at() -> None:

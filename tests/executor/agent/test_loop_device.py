@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from companion.languages.facts import Kind, fact
 from services.executor import loop_device
 from services.executor.local import Brake, Do, Felt, GoOn, Halt, Lost, Moved, Passing, Stands, Where
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.process import LoopProcess, Speed
-from services.executor.loop.program import Mode, Phase, Release, motion
+from services.executor.loop.program import FAULT, Mode, Phase, Release, motion
 from services.executor.loop.slots import Counters
 from services.executor.loop.timing import Pacer
 from services.executor.loop_device import LoopDevice
@@ -199,17 +200,31 @@ def test_a_refused_motion_has_failed(turned: Turned, reach: LoopDevice, heard: H
     word = heard.next()
     assert isinstance(word, Moved)
     assert word.felt.ended == "failed"
-    assert "knot" in word.felt.reason
+    assert word.felt.why == (fact(Kind.MOTION_REFUSED, "first_knot"),)
+    assert "set-point" in word.felt.text
 
 
 def test_a_motion_too_long_for_the_slot(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
-    """It has failed, with the sizes in words, and the next one is served."""
+    """It has failed, with the sizes for the log, and the next one is served."""
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 600.0))))
     word = heard.next()
     assert isinstance(word, Moved)
-    assert "bytes" in word.felt.reason
+    assert word.felt.why == (fact(Kind.MOTION_REFUSED, "knots"),)
+    assert "bytes" in word.felt.text
     where(reach, heard)
+
+
+def test_a_fault_of_the_loop_is_told_with_its_words(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
+    """The words are for the log."""
+    felt = where(reach, heard)
+    reach.tell(Do(1, motion("a", path(felt, 200.0))))
+    until(lambda: turned.process.core.report.phase is Phase.RUNNING)
+    turned.process.core.impedance.torque = lambda *_: np.full(15, np.nan)  # type: ignore[method-assign]
+    word = heard.next()
+    assert isinstance(word, Moved)
+    assert (word.felt.ended, word.felt.why) == ("failed", FAULT)
+    assert "torque" in word.felt.text
 
 
 def test_a_new_loop_loses_the_motion(turned: Turned, reach: LoopDevice, heard: Heard, slots: Path) -> None:
@@ -230,7 +245,8 @@ def test_without_a_loop(reach: LoopDevice, heard: Heard, slots: Path) -> None:
     reach.tell(Where(1))
     word = heard.next()
     assert isinstance(word, Lost)
-    assert "does not run" in word.reason
+    assert word.why == (fact(Kind.ENDED, "loop"),)
+    assert "does not run" in word.text
     reach.tell(Halt(2))
     loop = Turned(slots)
     assert isinstance(heard.next(), Stands)
@@ -269,7 +285,7 @@ def test_a_motion_that_was_lost_before_the_loop_took_it_never_begins(
     reach.tell(Do(2, motion("next", path(felt, 0.5, to=-0.3))))
     word = heard.next()
     assert isinstance(word, Moved), word
-    assert word.felt.ended == "done", word.felt.reason
+    assert word.felt.ended == "done", word.felt.why
     assert word.felt.setpoint()[7] == pytest.approx(felt.setpoint()[7] - 0.3, abs=1e-6)
 
 

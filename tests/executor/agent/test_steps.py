@@ -11,6 +11,7 @@ from driven import Driven
 from agent_runtime.core.events import Event, Local, Started, Tick
 from companion.binding import wiring
 from companion.languages import rc
+from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Pose, Side
 from fipa_codec.performatives import Performative as P
 from services.executor import behaviours
@@ -49,6 +50,7 @@ assert POSTURE is not None
 DONE = rc.Done("m1", POSTURE, (), {}, 2.0)
 MOTION = motion("m1", np.zeros((101, 15)))
 OTHER = 99
+NO_LOOP = (fact(Kind.ENDED, "loop"),)
 
 
 def idle(felt: Felt = FELT) -> Driven:
@@ -87,7 +89,7 @@ def stopping() -> Driven:
 def halting() -> Driven:
     """The loop was lost; the robot is brought to rest."""
     one = acting()
-    one.step(Local(Lost(1, "no loop")))
+    one.step(Local(Lost(1, NO_LOOP, "no loop")))
     assert one.tells == [Drop(1), Halt(1)]
     return one
 
@@ -150,8 +152,8 @@ def test_the_skill_gets_the_act_and_how_the_robot_stands() -> None:
     [
         Stands(OTHER, FELT),
         Move(OTHER, MOTION, 3.0, KEPT),
-        Ended(OTHER, KEPT.not_done("m0", "failed", "old"), KEPT),
-        Lost(OTHER, "old"),
+        Ended(OTHER, KEPT.not_done("m0", "failed", NO_LOOP), KEPT),
+        Lost(OTHER, NO_LOOP, "old"),
         Passing(OTHER, FELT),
         GoOn(OTHER, "m1", 0.25),
         Brake(OTHER, "m1"),
@@ -171,7 +173,7 @@ def test_a_second_act_and_a_subscription_are_refused_in_every_state(state: str) 
     one = STATES[state]()
     place = one.state.state
     ask(one, rc.Look("l1", ((1.0, 0.0, 1.0),)), "t2")
-    assert said(one) == [(P.REFUSE, "t2", rc.NotDone("l1", "busy", "ex is busy with m1"))]
+    assert said(one) == [(P.REFUSE, "t2", rc.NotDone("l1", "busy", (fact(Kind.BUSY, "ex"),)))]
     one.hears("ta", "subscribe", P.SUBSCRIBE, talk="s1")
     assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")]
     assert one.state.state == place
@@ -185,14 +187,14 @@ def test_a_subscription_is_refused_at_rest() -> None:
 
 
 @pytest.mark.parametrize(
-    ("event", "reason"),
+    ("event", "why"),
     [
-        (Local(Lost(1, "no loop")), "no loop"),
-        (Local(Crashed("OSError: no room")), "process ended: OSError: no room"),
-        (Tick(), f"no motion in {SKILL_WITHIN_S:g} s"),
+        (Local(Lost(1, NO_LOOP, "no loop")), NO_LOOP),
+        (Local(Crashed("OSError: no room")), (fact(Kind.ENDED, "skill_process"),)),
+        (Tick(), (fact(Kind.NO_MOTION_FOUND, SKILL_WITHIN_S),)),
     ],
 )
-def test_an_act_whose_skill_gives_no_motion_is_interrupted(event: Event, reason: str) -> None:
+def test_an_act_whose_skill_gives_no_motion_is_interrupted(event: Event, why: Facts) -> None:
     """The worker is dropped, ta told why; nothing moved, so it is refused, and ex is at rest."""
     one = preparing()
     one.now += SKILL_WITHIN_S - 0.1
@@ -202,7 +204,7 @@ def test_an_act_whose_skill_gives_no_motion_is_interrupted(event: Event, reason:
     one.step(event)
     ((act, talk, outcome),) = said(one)
     assert (act, talk, outcome.kind) == (P.REFUSE, "t1", "interrupted")
-    assert reason in outcome.reason
+    assert outcome.why == why
     assert one.tells == [Drop(1)]
     assert one.state.state == "idle"
     assert one.state.wakes == {}
@@ -259,7 +261,7 @@ def test_in_another_world_everything_is_forgotten_once(lost: bool) -> None:
     if lost:
         one.step(Local(Stands(1, msgspec.structs.replace(FELT, epoch="one"))))
         one.step(Local(Move(1, MOTION, 3.0, HOLDING)))
-        one.step(Local(Lost(1, "no loop")))
+        one.step(Local(Lost(1, NO_LOOP, "no loop")))
     one.step(Local(Stands(1, ELSEWHERE)))
     ((_, _, outcome),) = said(one)[-1:]
     assert (outcome.kind, outcome.body, outcome.held) == ("new-world", None, {})
@@ -275,7 +277,7 @@ def test_after_a_loss_the_outcome_is_unknown_once_the_robot_stands() -> None:
     assert one.state.wakes == {}
     one.step(Local(Stands(1, FELT)))
     ((act, _, outcome),) = said(one)
-    assert (act, outcome.kind, outcome.reason) == (P.FAILURE, "unknown", "no loop")
+    assert (act, outcome.kind, outcome.why) == (P.FAILURE, "unknown", NO_LOOP)
     assert one.state.memory.remembered.q == tuple(Q)
 
 
@@ -289,20 +291,20 @@ def test_a_cancel_while_it_is_brought_to_rest_is_answered_with_the_outcome() -> 
     assert (act, outcome.kind) == (P.INFORM, "unknown")
 
 
-@pytest.mark.parametrize(("state", "reason"), [("stopping", "restarted while it stopped"), ("halting", "no loop")])
-def test_a_restart_while_it_stops_brings_the_robot_to_rest(state: str, reason: str) -> None:
+@pytest.mark.parametrize(("state", "why"), [("stopping", (fact(Kind.ENDED, "ex"),)), ("halting", NO_LOOP)])
+def test_a_restart_while_it_stops_brings_the_robot_to_rest(state: str, why: Facts) -> None:
     """The reason of the unknown outcome is the one known first."""
     one = STATES[state]()
     one.step(Started(first=False))
     assert one.tells == [Drop(1), Halt(1)]
     one.step(Local(Stands(1, FELT)))
-    assert reason in said(one)[0][2].reason
+    assert said(one)[0][2].why == why
 
 
 def test_a_loop_lost_while_it_stops_is_halted() -> None:
     """Nobody brakes any more."""
     one = stopping()
-    one.step(Local(Lost(1, "no loop")))
+    one.step(Local(Lost(1, NO_LOOP, "no loop")))
     assert one.tells == [Drop(1), Halt(1)]
 
 

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from companion.languages.facts import Kind, fact
 from services.executor.loop.act import Act
 from services.executor.loop.program import Close, HandReport, Phase, Until, motion
 from velma.names import START
 
+WHY = (fact(Kind.CANCELLED),)
 PATH = np.linspace(START, START + 0.1, 101)  # one second
 NOTHING = np.zeros(12)
 RIGHT, LEFT = HandReport(locked=True), HandReport(touched=(True, False, False))
@@ -33,13 +35,13 @@ def arrived(act):
 
 
 def report(act, now_s=0.0):
-    return act.report(Phase.RUNNING, "why", now_s, RIGHT, LEFT)
+    return act.report(Phase.RUNNING, WHY, now_s, RIGHT, LEFT)
 
 
-def test_a_report_has_the_words_the_hands_and_the_time_since_the_start():
+def test_a_report_has_the_facts_the_hands_and_the_time_since_the_start():
     """Nothing has ended it yet, and no hand was beside its path."""
     told = report(act(began_s=3.0), now_s=4.5)
-    assert (told.key, told.phase, told.reason, told.ended_by) == ("m", Phase.RUNNING, "why", None)
+    assert (told.key, told.phase, told.why, told.ended_by) == ("m", Phase.RUNNING, WHY, None)
     assert (told.right, told.left) == (RIGHT, LEFT)
     assert told.time_s == 1.5
     assert told.largest_error_m == (0.0, 0.0)
@@ -65,9 +67,9 @@ def test_a_hand_beside_its_path_ends_the_motion_in_any_direction(side, axis):
     one = act(tolerance_m=0.25)
     assert judged(one, error=error(**{side: at})) is None
     assert one.track is not None
-    phase, reason = judged(one, error=error(**{side: beyond}))
+    phase, why = judged(one, error=error(**{side: beyond}))
     assert phase is Phase.BLOCKED
-    assert f"the {side} hand was 0.251 m" in reason
+    assert why == (fact(Kind.BESIDE_ITS_PATH, side, 0.251),)
     assert one.track is None
 
 
@@ -81,7 +83,7 @@ def test_a_motion_is_done_when_its_path_hands_and_head_are():
     assert report(one).ended_by is Until.END
     assert judged(one, 1.002, hands_done=False) is None
     assert judged(one, 1.004, head_done=False) is None
-    assert judged(one, 1.006) == (Phase.DONE, "")
+    assert judged(one, 1.006) == (Phase.DONE, ())
 
 
 def test_settling_lasts_as_long_as_asked_from_the_last_thing_done():
@@ -92,7 +94,7 @@ def test_settling_lasts_as_long_as_asked_from_the_last_thing_done():
     assert judged(one, 10.5, head_done=False) is None
     assert judged(one, 10.75) is None
     assert judged(one, 11.2) is None
-    assert judged(one, 11.25) == (Phase.DONE, "")
+    assert judged(one, 11.25) == (Phase.DONE, ())
 
 
 def test_settling_forgives_the_rounding_of_summed_cycles():
@@ -101,7 +103,7 @@ def test_settling_forgives_the_rounding_of_summed_cycles():
     judged(one, 0.0)
     assert judged(one, 0.0) is None
     assert judged(one, 0.298) is None
-    assert judged(one, 0.3 - 1e-12) == (Phase.DONE, "")
+    assert judged(one, 0.3 - 1e-12) == (Phase.DONE, ())
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
@@ -117,7 +119,7 @@ def test_contact_is_what_holds_a_hand_up_further_than_at_the_start(side):
     assert judged(one, error=error(**{side: (0.0, 0.0, -0.19)})) is None
     assert report(one).ended_by is Until.CONTACT
     assert one.track is None, "the body stays where it is"
-    assert judged(one, 1.0) == (Phase.DONE, "")
+    assert judged(one, 1.0) == (Phase.DONE, ())
 
 
 def test_without_contact_the_last_knot_ends_the_motion():
@@ -168,7 +170,7 @@ def test_a_cancelled_motion_ends_at_rest_whatever_hands_and_head_do():
     assert judged(one, hands_done=False, head_done=False) is None
     for _ in range(160):
         one.track.advance(0.002)
-    assert judged(one, hands_done=False, head_done=False) == (Phase.CANCELLED, "cancelled")
+    assert judged(one, hands_done=False, head_done=False) == (Phase.CANCELLED, WHY)
 
 
 def test_behind_a_contact_there_is_nothing_to_brake_or_pause():
@@ -179,4 +181,4 @@ def test_behind_a_contact_there_is_nothing_to_brake_or_pause():
     one.pause(True)
     one.pause(False)
     one.cancel()
-    assert judged(one) == (Phase.CANCELLED, "cancelled")
+    assert judged(one) == (Phase.CANCELLED, WHY)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from grips import DYNAMICS
 
+from companion.languages.facts import Kind
 from services.executor.loop.core import JOINT_OFF, LoopCore
 from services.executor.loop.program import Move, Phase, motion
 from velma.model import scene
@@ -46,11 +47,12 @@ def test_an_arm_with_a_joint_that_sticks_is_named(joint, core):
     report = core.run(asked)
     assert report.phase is Phase.BLOCKED
     assert abs(core.state.q[joint] - asked.path()[-1][joint]) > JOINT_OFF, "it did not stick"
-    part = "torso" if joint == 0 else "right arm" if joint < 8 else "left arm"
-    assert f"the {part} did not follow" in report.reason or "beside its path" in report.reason
+    part = "torso" if joint == 0 else "right_arm" if joint < 8 else "left_arm"
+    (why,) = report.why
+    assert (why.kind, why.words) == (Kind.NOT_FOLLOWED, (part,)) or why.kind is Kind.BESIDE_ITS_PATH
     np.testing.assert_allclose(core.setpoint, core.state.q, atol=NEAR_RAD)
     other = 2 if joint != 2 else 9
-    assert core.begin(turn(core, other, 0.1)) == ""
+    assert core.begin(turn(core, other, 0.1)) is None
 
 
 def test_a_joint_that_sticks_a_little_less_far_than_is_tolerated_is_there(core):
@@ -65,7 +67,8 @@ def test_a_finger_that_sticks_is_named(core):
     assert found
     report = core.run(motion("open", core.setpoint, right=Move((1.0, 1.0, 1.0))))
     assert report.phase is Phase.BLOCKED
-    assert "finger 2 of the right hand did not follow" in report.reason
+    (why,) = report.why
+    assert (why.kind, why.side, why.numbers[0]) == (Kind.FINGER_NOT_FOLLOWED, "right", 2)
 
 
 def test_a_hand_that_is_pushed_aside_is_told(core):
@@ -75,4 +78,4 @@ def test_a_hand_that_is_pushed_aside_is_told(core):
     core.hold(1.0)
     report = core.run(turn(core, 2, 0.1))
     assert report.phase is Phase.BLOCKED
-    assert "did not follow" in report.reason or "from its end" in report.reason
+    assert report.why[0].kind in (Kind.NOT_FOLLOWED, Kind.HAND_OFF)

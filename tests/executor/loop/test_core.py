@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from companion.languages.facts import Kind, fact
 from services.executor.loop.core import BEYOND, DAMPING_CYCLES, LoopCore, impossible
-from services.executor.loop.program import Close, HeadGoal, Mode, Move, Open, Payload, Phase, Until, motion
+from services.executor.loop.program import FAULT, Close, HeadGoal, Mode, Move, Open, Payload, Phase, Until, motion
 from velma.control import damping
 from velma.control.dynamics import Dynamics
 from velma.errors import MotionError
@@ -95,7 +96,9 @@ def test_the_next_motion_may_begin_where_a_cancelled_one_stopped(core):
 def test_a_second_motion_is_refused_and_the_first_goes_on(core):
     """One at a time; the report stays that of the running one."""
     core.begin(motion("first", rise(core)))
-    assert "first" in core.begin(motion("second", rise(core)))
+    refused = core.begin(motion("second", rise(core)))
+    assert refused.why == (fact(Kind.BUSY, "loop"),)
+    assert "first" in refused.text
     assert core.report.key == "first"
     with pytest.raises(MotionError, match="first"):
         core.run(motion("second", rise(core)))
@@ -105,7 +108,7 @@ def test_a_motion_that_starts_elsewhere_is_refused_with_a_reason(core):
     """Nothing moves."""
     result = core.run(motion("far", START + 0.5))
     assert result.phase is Phase.FAILED
-    assert "set-point" in result.reason
+    assert result.why == (fact(Kind.MOTION_REFUSED, "first_knot"),)
     np.testing.assert_allclose(core.setpoint, START)
 
 
@@ -136,7 +139,7 @@ def test_a_locked_hand_must_be_opened_before_it_moves(core):
     core.run(motion("grip", core.setpoint, until="touch", right=Close(squeeze=0.02)))
     result = core.run(motion("move", core.setpoint, right=Move((0.2, 0.2, 0.2))))
     assert result.phase is Phase.FAILED
-    assert "Open" in result.reason
+    assert result.why == (fact(Kind.MOTION_REFUSED, "right_hand"),)
     assert core.run(motion("open", core.setpoint, right=Open())).phase is Phase.DONE
     result = core.run(motion("move", core.setpoint, right=Move((0.2, 0.2, 0.2))))
     assert result.right.proximal[0] == pytest.approx(0.2, abs=0.02)
@@ -184,7 +187,9 @@ def test_a_hand_far_from_its_path_ends_the_motion():
     core = LoopCore(Stuck(), dynamics=DYNAMICS)
     result = core.run(motion("up", rise(core, 0.3)))
     assert result.phase is Phase.BLOCKED
-    assert "hand was 0.1" in result.reason
+    (why,) = result.why
+    assert why.kind is Kind.BESIDE_ITS_PATH
+    assert 0.1 < why.numbers[0] < 0.2
     np.testing.assert_allclose(core.setpoint, START)
 
 
@@ -219,6 +224,7 @@ def test_an_impossible_reading_pushes_nothing(reading):
     assert np.isfinite(backend.taus[-1]).all()
     assert (np.abs(backend.taus[-1]) <= TORQUE).all()
     assert BODY[3] in core.last_fault
+    assert core.report.why == FAULT
     if "v" in reading:
         assert backend.taus[-1][3] == 0.0
     cycles(core, 50)
@@ -252,7 +258,7 @@ def test_a_fault_stops_moving_fingers(core):
 
 def test_damping_lasts_twenty_cycles(core):
     """velma_core_ve_body leaves its safe state by joint impedance after that."""
-    core.abandon("nobody commands")
+    core.abandon((fact(Kind.GAVE_NO_ANSWER, "ex"),))
     cycles(core, 19)
     assert core.mode is Mode.DAMPING
     cycles(core, 1)
@@ -261,11 +267,11 @@ def test_damping_lasts_twenty_cycles(core):
 
 def test_after_a_fault_damping_becomes_hold_and_hold_waits_for_a_release(core):
     """Twenty cycles of damping, then the posture is held until somebody releases it and the dwell is over."""
-    core.abandon("nobody commands")
+    core.abandon((fact(Kind.GAVE_NO_ANSWER, "ex"),))
     assert core.mode is Mode.DAMPING
     cycles(core, DAMPING_CYCLES + 1)
     assert core.mode is Mode.HOLD
-    assert "release" in core.begin(motion("up", rise(core)))
+    assert core.begin(motion("up", rise(core))).why == (fact(Kind.HELD_STILL, "hold"),)
     cycles(core, 2 * damping.DWELL_CYCLES)
     assert core.mode is Mode.HOLD
     core.release()

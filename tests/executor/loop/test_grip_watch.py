@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from grips import BOWL_POSTURE, JAR_POSTURE, at, lever, raised, standing
 
+from companion.languages.facts import Kind
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Close, Open, Payload, Phase, motion
 from velma.control.grip import Grip, Wrong
@@ -48,7 +49,7 @@ class Lifted:
         turned = self.core.setpoint.copy()
         s = np.linspace(0, 1, round(seconds * 100))[:, None]
         turned = turned + turn * s * s * (3 - 2 * s) * (np.arange(15) == 0)
-        assert self.core.begin(motion("swing", turned)) == ""
+        assert self.core.begin(motion("swing", turned)) is None
 
     def friction(self, factor):
         """Make the hands slippery."""
@@ -98,7 +99,8 @@ def test_a_motion_ends_as_lost_when_the_thing_falls(lifted):
     lifted.until(lambda: lifted.core.report.phase is not Phase.RUNNING)
     report = lifted.core.report
     assert report.phase is Phase.LOST
-    assert lifted.side in report.reason
+    (why,) = report.why
+    assert (why.kind, why.side) == (Kind.FEELS_LITTLE, lifted.side)
     assert np.abs(lifted.core.state.v).max() < 0.3
     assert height - at(truth, lifted.name)[2] > 0.01
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from grips import DYNAMICS, JAR_POSTURE, lever, raised, standing
 
+from companion.languages.facts import Kind, fact
 from services.executor.loop.core import LoopCore
 from services.executor.loop.fingers import Activity
 from services.executor.loop.link import AgentLink, StopLink
@@ -105,8 +106,12 @@ def test_it_ends_at_the_same_contact(path, amid):
     assert (other.report.phase, other.report.ended_by) == (Phase.DONE, Until.CONTACT)
 
 
+def abandoned(core):
+    core.abandon((fact(Kind.GAVE_NO_ANSWER, "ex"),))
+
+
 @pytest.mark.parametrize("cycles", [1, 5, 30])
-@pytest.mark.parametrize("end", [LoopCore.stop, lambda core: core.abandon("a test"), LoopCore.pause, LoopCore.cancel])
+@pytest.mark.parametrize("end", [LoopCore.stop, abandoned, LoopCore.pause, LoopCore.cancel])
 def test_it_stays_in_its_mode_exactly(path, end, cycles):
     """Stopped by a person, in damping, held, paused, braked; asked to be released meanwhile."""
     core, _ = standing(JAR_POSTURE, 1, 0.52)

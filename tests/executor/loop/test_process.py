@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from companion.languages.facts import Kind, fact
 from companion.tools.verbs.hi import Hi
 from operate.cli.__main__ import app
 from services.executor.loop.__main__ import build
@@ -61,7 +62,7 @@ def test_an_agent_sees_its_motion_taken_running_and_done(pair):
     number = agent.send(motion("up", rise(agent.state().setpoint)))
     loop.turn()
     told = agent.told()
-    assert (told.taken, told.refusal, told.report.key, told.report.phase) == (number, "", "up", Phase.RUNNING)
+    assert (told.taken, told.refusal, told.report.key, told.report.phase) == (number, None, "up", Phase.RUNNING)
     turn(loop, agent)
     assert agent.told().report.phase is Phase.DONE
     state = agent.state()
@@ -80,16 +81,18 @@ def test_time_stands_still_between_acts(pair):
     assert agent.state().time_s == before
 
 
-def test_a_refusal_reaches_the_agent_in_words(pair):
+def test_a_refusal_reaches_the_agent(pair):
     """With the number of what was refused; nothing moves."""
     loop, agent, _ = pair
     number = agent.send(motion("far", START + 1.0))
     loop.turn()
     assert agent.told().taken == number
-    assert "set-point" in agent.told().refusal
+    assert agent.told().refusal.why == (fact(Kind.MOTION_REFUSED, "first_knot"),)
+    assert "set-point" in agent.told().refusal.text
     agent.file.slots["command"].write(b"garbage")
     loop.turn()
-    assert "not a command" in agent.told().refusal
+    assert agent.told().refusal.why == (fact(Kind.BAD_COMMAND, "command"),)
+    assert "not a command" in agent.told().refusal.text
 
 
 def test_a_cancel_reaches_the_motion(pair):
@@ -226,7 +229,7 @@ def test_an_agent_that_stays_silent_loses_its_act(at_speed):
     assert agent.told().report.phase is Phase.RUNNING
     silent(loop, clock, 1.0)
     assert agent.told().report.phase is Phase.INTERRUPTED
-    assert "heartbeat" in agent.told().report.reason
+    assert agent.told().report.why == (fact(Kind.GAVE_NO_ANSWER, "ex"),)
     assert agent.state().mode is Mode.HOLD
 
 
@@ -276,7 +279,7 @@ def test_no_agent_releases_what_a_person_stopped(pair):
         assert loop.core.mode is mode
         agent.send(Release())
         loop.turn()
-        assert "a person has stopped" in agent.told().refusal
+        assert agent.told().refusal.why == (fact(Kind.HELD_STILL, "stopped"),)
         loop.core.hold(1.1)
         assert loop.core.mode is Mode.STOPPED
         loop.core._fault(RuntimeError("a fault"))

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from companion.languages.facts import Kind, fact
 from services.executor.loop.core import LoopCore, impossible
 from services.executor.loop.program import Close, HeadGoal, Mode, Move, Payload, Phase, motion
 from velma.control.dynamics import Dynamics
@@ -87,8 +88,9 @@ def test_what_either_hand_cannot_do_is_refused_before_anything_begins(core, side
     """With its name, in the report of a motion that never ran."""
     asked = motion("bend", line(core), head=HeadGoal(0.4, 0.0))
     refused = core.begin(msgspec.structs.replace(asked, **{side: Move((9.0, 0.0, 0.0))}))
-    assert f"{side}.fingers[0] is 9.0" in refused
-    assert (core.report.key, core.report.phase, core.report.reason) == ("bend", Phase.FAILED, refused)
+    assert refused.why == (fact(Kind.MOTION_REFUSED, f"{side}.fingers[0]"),)
+    assert f"{side}.fingers[0] is 9.0" in refused.text
+    assert (core.report.key, core.report.phase, core.report.why) == ("bend", Phase.FAILED, refused.why)
     cycles(core, 50)
     np.testing.assert_allclose(core.setpoint, START)
     np.testing.assert_allclose(core.command.head, 0.0)
@@ -175,7 +177,7 @@ def test_the_posture_held_is_that_in_which_damping_has_left_the_body(core):
     """Not the one at the fault, 40 ms before: the body ran on meanwhile."""
     core.begin(motion("line", line(core, 0.62, speed=0.5)))
     cycles(core, 300)
-    core.abandon("nobody commands")
+    core.abandon(())
     at_fault = core.setpoint.copy()
     core.state.v[:] = 0.4
     cycles(core, 19)
@@ -207,7 +209,7 @@ def test_a_stop_holds_the_body_where_it_is(core):
 @pytest.mark.parametrize("how", ["stop", "fault"])
 def test_a_safe_mode_lasts_five_hundred_cycles_in_all(core, how):
     """Those of damping are of them."""
-    core.stop() if how == "stop" else core.abandon("nobody commands")
+    core.stop() if how == "stop" else core.abandon(())
     core.release()
     cycles(core, 499)
     assert core.mode is (Mode.STOPPED if how == "stop" else Mode.HOLD)
@@ -218,7 +220,7 @@ def test_a_safe_mode_lasts_five_hundred_cycles_in_all(core, how):
 def test_a_release_is_used_up_by_the_mode_it_ends(core):
     """The next fault waits for a release of its own, and so does one behind a release that came too early."""
     core.release()
-    core.abandon("first")
+    core.abandon(())
     core.release()
     broken(core)
     cycles(core, 1000)
@@ -233,7 +235,7 @@ def test_a_release_is_used_up_by_the_mode_it_ends(core):
 def test_abandoned_in_a_safe_mode_a_robot_stays_in_it(core):
     """A hold is not given up for damping."""
     core.stop()
-    core.abandon("nobody commands")
+    core.abandon(())
     assert core.mode is Mode.STOPPED
 
 

@@ -127,7 +127,7 @@ def test_a_weight_is_held_in_damping_too():
     """For as long as it lasts."""
     core = LoopCore(MockBackend(), dynamics=DYNAMICS)
     core.payloads.mass[:] = core.payloads._goal[:] = 1.0
-    core.abandon("a test")
+    core.abandon(())
     core.cycle()
     assert core.mode is Mode.DAMPING
     weight = core.dynamics.terms(core.state.q).jacobian[[2, 8]].sum(axis=0) * 9.81

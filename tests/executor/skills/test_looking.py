@@ -57,7 +57,7 @@ def table_of(here: Situation) -> Sight:
 
 def sensed(here: Situation, sights: list[Sight]) -> Sensed:
     """What a motion ends with."""
-    return Sensed("done", "", here.q, here.q, {}, {}, {}, here.head, sights, here.time)
+    return Sensed("done", (), here.q, here.q, {}, {}, {}, here.head, sights, here.time)
 
 
 def test_a_thing_that_is_seen_is_looked_at_once(jar_out: Acting) -> None:
@@ -135,7 +135,7 @@ def performed(here: Situation, command: rc.Look) -> rc.Done | rc.NotDone:
         motion = next(work)
         while True:
             q = motion.path()[-1]
-            motion = work.send(Sensed("done", "", q, q, {}, {}, {}, here.head, [table_of(here)], here.time))
+            motion = work.send(Sensed("done", (), q, q, {}, {}, {}, here.head, [table_of(here)], here.time))
     except StopIteration as stop:
         return stop.value
 

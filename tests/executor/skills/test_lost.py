@@ -5,6 +5,7 @@ import pytest
 from robot import Acting
 
 from companion.languages import rc
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from services.executor.loop.core import LoopCore
 from services.executor.sight import Sight
@@ -58,7 +59,7 @@ def test_a_jar_that_falls_is_told_within_a_second(jar_out: Acting, monkeypatch: 
     outcome = jar_out.act(swing(jar_out))
     assert isinstance(outcome, rc.NotDone)
     assert (outcome.kind, outcome.lost, outcome.held) == ("lost", {LEFT: JAR}, {})
-    assert outcome.reason == "the left hand lost jar_1"
+    assert outcome.why == (fact(Kind.LOST, LEFT, JAR),)
     assert JAR not in [one.object for one in outcome.seen]
     assert trick.at_s is not None
     assert jar_out.core.state.time - trick.at_s < 1.0
@@ -86,7 +87,7 @@ def test_no_hand_opens_because_of_the_wrist_alone(sees: bool, jar_out: Acting, m
     outcome = jar_out.act(swing(jar_out))
     assert isinstance(outcome, rc.NotDone)
     assert (outcome.kind, list(outcome.held)) == ("replan", [LEFT])
-    assert "the sensor may be wrong" in outcome.reason
+    assert outcome.why == (fact(Kind.WRIST_DOUBTED, LEFT, JAR),)
     assert jar_out.core.fingers.locked[1]
     assert jar_out.truth.fingers_on[JAR]["left"] >= 3
 

@@ -6,6 +6,7 @@ from robot import Acting
 
 from companion import models
 from companion.languages import rc
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from services.executor.skills.moving import move_joint, straight
 from services.executor.skills.situation import Situation
@@ -47,8 +48,10 @@ def test_a_line_into_a_thing_is_blocked(jar_out: Acting) -> None:
     here = jar_out.here
     for gap_m in (0.001, -0.004):
         away = under(here, gap_m)
-        with pytest.raises(NotPossible, match="cannot move straight"):
+        with pytest.raises(NotPossible) as hindered:
             moved(here, -WAY_M * away)
+        (why,) = hindered.value.why
+        assert (why.kind, why.because[0].words) == (Kind.NOT_STRAIGHT, ("collision",))
 
 
 @pytest.mark.parametrize("touched", ["passed", "met", "end"])
@@ -76,4 +79,5 @@ def test_a_planned_path_goes_round_what_was_seen_since(jar_out: Acting, touched:
 def test_a_motion_that_cannot_be_ends_the_act_and_nothing_else(jar_out: Acting) -> None:
     """A speed of 0 ended the process of the skills."""
     outcome = jar_out.act(rc.MoveCartesian("key", LEFT, (rc.Segment((0.0, 0.0, 0.01), 0.0),)))
-    assert (outcome.kind, "tool_speed is 0.0, expected a number from" in outcome.reason) == ("failed", True)
+    assert (outcome.kind, outcome.why) == ("failed", (fact(Kind.MOTION_REFUSED, "tool_speed"),))
+    assert "tool_speed is 0.0, expected a number from" in jar_out.here.refused

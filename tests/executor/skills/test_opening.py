@@ -114,7 +114,7 @@ def test_a_leaf_that_moved_meanwhile_is_not_turned_blindly(before) -> None:
     ended = acting.act(opening)
     assert isinstance(ended, rc.NotDone)
     assert ended.kind in (rc.NotDoneKind.EMPTY, rc.NotDoneKind.REPLAN, rc.NotDoneKind.MISSING)
-    assert ended.reason
+    assert ended.why
 
 
 def test_a_cancel_lets_the_handle_go(before) -> None:

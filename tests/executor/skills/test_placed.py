@@ -9,6 +9,7 @@ from robot import Acting
 
 from companion.languages import rc
 from companion.languages.evidence import Claim, Sense
+from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Pose, Side
 from services.executor.local import ByRays, Felt, Setup
 from services.executor.receptor import Receptor
@@ -83,20 +84,21 @@ class Pushed(Receptor):
 @pytest.mark.parametrize(
     ("shift", "pitch", "told"),
     [
-        ((0.0, 0.0, 0.0), 0.0, ""),
-        ((0.05, 0.0, JAR_RADIUS_M - JAR_M / 2), math.pi / 2, "jar_1 fell over after it was put down"),
-        ((0.12, 0.0, 0.0), 0.0, "m from where it was put down"),
+        ((0.0, 0.0, 0.0), 0.0, None),
+        ((0.05, 0.0, JAR_RADIUS_M - JAR_M / 2), math.pi / 2, Kind.FELL_OVER),
+        ((0.12, 0.0, 0.0), 0.0, Kind.ASIDE),
     ],
 )
 def test_what_is_put_down_is_looked_at(
-    shift: tuple[float, float, float], pitch: float, told: str, jar_out: Acting
+    shift: tuple[float, float, float], pitch: float, told: Kind | None, jar_out: Acting
 ) -> None:
     """What fell over or stands elsewhere was not put down, and is told as it is seen."""
     jar_out.eye = Pushed(jar_out, shift, pitch)
     outcome = jar_out.act(jar_out.put_down(JAR, LEFT))
     assert jar_out.eye.pushed
     assert isinstance(outcome, rc.NotDone if told else rc.Done), outcome
-    assert told in getattr(outcome, "reason", "")
+    why: Facts = getattr(outcome, "why", ())
+    assert [(one.kind, one.things) for one in why] == ([(told, (JAR,))] if told else [])
     (jar,) = [one for one in outcome.seen if one.object == JAR]
     assert np.linalg.norm(np.array(jar.pose.xyz) - jar_out.truth.at[JAR]) < NEAR_M
     assert lies(transform(jar.pose)) is bool(pitch)
@@ -159,7 +161,7 @@ def test_another_skill_process_compares_what_was_put_down_too(jar_out: Acting, t
     jar_out.here, jar_out.eye = Stage(Setup(), _unchanged).situation(remembered(here, ""), felt), eye
     outcome = jar_out.act(rc.Look("look", (stood,)))
     assert outcome.placed == ()
-    assert getattr(outcome, "reason", "") == ("jar_1 fell over after it was put down" if toppled else "")
+    assert getattr(outcome, "why", ()) == ((fact(Kind.FELL_OVER, JAR),) if toppled else ())
 
 
 def _unchanged(eyes: ByRays) -> None:

@@ -11,6 +11,7 @@ from tilts import BOWL, JAR, LEFT, in_view
 
 from companion import models
 from companion.languages import rc
+from companion.languages.facts import Kind, fact
 from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Unfinished
 from services.executor.sight import Sight
@@ -73,7 +74,7 @@ def _sensed(here: Situation, motion: Motion, mass: float, cancelled: bool, conte
     sights = [Sight(name, pose, content if name == BOWL else None) for name, pose in standing]
     ended = "cancelled" if cancelled else "done"
     head = here.head if motion.head is None else (motion.head.pan, motion.head.tilt)
-    return Sensed(ended, "", q, q, {}, {}, grips, head, sights, here.time + 1.0)
+    return Sensed(ended, (), q, q, {}, {}, grips, head, sights, here.time + 1.0)
 
 
 def test_what_left_the_jar_was_felt(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
@@ -161,7 +162,7 @@ def test_a_pour_into_another_thing_begins_by_itself(over_the_bowl: tuple[Situati
     here.forget(BOWL)
     outcome = poured(here, msgspec.structs.replace(command, destination="bowl_2"), EMPTY, EMPTY)
     assert isinstance(outcome, rc.NotDone)
-    assert outcome.reason == "nothing left jar_1: it weighs 0.200 kg before and 0.200 kg after the pour"
+    assert outcome.why == (fact(Kind.NOTHING_LEFT, JAR, EMPTY, EMPTY),)
 
 
 # --- the look into the bowl -------------------------------------------------------------------------------------------

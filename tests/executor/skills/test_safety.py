@@ -6,6 +6,7 @@ import pytest
 from robot import LIFT_M, Acting, CancelWhen
 
 from companion.languages import rc
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Close, Motion, Move, Open, Phase
@@ -128,7 +129,7 @@ def test_what_slips_while_it_is_put_down_is_put_down(jar_out: Acting, monkeypatc
         if not pushed_at and np.abs(core.state.v).max() > 0.1:
             pushed_at.append(core.state.time)
         force[1] = 3.0 if pushed_at and core.state.time - pushed_at[0] < 0.2 else 0.0
-        slipped.extend([core.report.reason] if core.report.phase is Phase.SLIPPED else ())
+        slipped.extend([core.report.why] if core.report.phase is Phase.SLIPPED else ())
 
     monkeypatch.setattr(core, "cycle", pushed)
     jar_out.done(jar_out.put_down(JAR, LEFT))
@@ -185,4 +186,4 @@ def test_a_full_hand_does_not_go_home(jar_out: Acting) -> None:
     """It says why."""
     outcome = jar_out.act(jar_out.home(LEFT))
     assert isinstance(outcome, rc.NotDone)
-    assert "put it down first" in outcome.reason
+    assert outcome.why == (fact(Kind.PUT_DOWN_FIRST, LEFT, JAR),)

@@ -7,6 +7,7 @@ import pytest
 from robot import Acting
 
 from companion.languages import rc
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.look_around import POINTS
 from services.executor.pixel_receptor import PixelReceptor
@@ -135,7 +136,7 @@ def test_a_hand_without_a_sensor_does_not_check(before_the_jar: Acting) -> None:
     """So a grasp is not begun with a camera alone that does not see."""
     here = before_the_jar.here
     here.ill, here.numb = (CAMERA,), {LEFT}
-    assert "neither the camera nor the left wrist" in refused(here, before_the_jar.taking[1])
+    assert refused(here, before_the_jar.taking[1]) == (fact(Kind.NOT_BEGUN, fact(Kind.UNCHECKABLE, LEFT)),)
 
 
 def test_what_a_sense_was_is_remembered(jar_out: Acting) -> None:
