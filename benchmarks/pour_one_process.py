@@ -22,6 +22,7 @@ import tables
 import typer
 from msgspec.structs import asdict, replace
 
+from companion import sentences
 from companion.eyes import Eyes
 from companion.languages import hfsm, rc, wm
 from services.executor.loop.core import LoopCore
@@ -75,7 +76,7 @@ class Run:
         outcome = self.body.perform(perform(self.here, command))
         self.observe(outcome)
         name = f"{type(command).__name__} {command.key}"
-        ended = "done" if isinstance(outcome, rc.Done) else f"{outcome.kind}: {outcome.reason}"
+        ended = "done" if isinstance(outcome, rc.Done) else f"{outcome.kind}: {sentences.operator(outcome.why)}"
         self.acts.append((name, round(outcome.sim_time, 2), ended))
         if self.verbose:
             wall = time.perf_counter() - began
@@ -104,7 +105,8 @@ class Run:
         if isinstance(plan, hfsm.HierarchicalPlan):
             self.plans.append({"wall_s": round(wall, 2), "queries": plan.queries})
         if self.verbose:
-            typer.echo(f"plan {number}: {wall:.2f} s {plan.reason if isinstance(plan, hfsm.NoPlan) else plan.queries}")
+            found = sentences.operator(plan.why) if isinstance(plan, hfsm.NoPlan) else plan.queries
+            typer.echo(f"plan {number}: {wall:.2f} s {found}")
         return plan
 
     def follow(self, plan: hfsm.HierarchicalPlan) -> tuple[hfsm.Outcome, str]:
@@ -119,11 +121,11 @@ class Run:
     def leaf(self, leaf: plans.Leaf) -> tuple[hfsm.Outcome, str]:
         """One leaf of a plan."""
         if isinstance(leaf, hfsm.EndState):
-            return leaf.outcome, leaf.reason
+            return leaf.outcome, sentences.operator(leaf.why)
         if isinstance(leaf, hfsm.AskState):
             truth = self.ask(leaf.query)
             holds = isinstance(truth, wm.Truth) and truth.value is leaf.expect
-            why = truth.reason if isinstance(truth, wm.Unknown) else f"{leaf.name} no"
+            why = sentences.operator(truth.why) if isinstance(truth, wm.Unknown) else f"{leaf.name} no"
             return (hfsm.Outcome.SUCCEEDED, "") if holds else (leaf.otherwise, why)
         done = self.act(leaf.command)
         if isinstance(done, rc.Done):
@@ -137,7 +139,7 @@ class Run:
             return hfsm.Outcome.SUCCEEDED, ""
         if done.kind in LOOK_FIRST:
             self.act(SURVEY)
-        return OF_KIND.get(done.kind, hfsm.Outcome.FAILED), done.reason
+        return OF_KIND.get(done.kind, hfsm.Outcome.FAILED), sentences.operator(done.why)
 
     def pour(self) -> str:
         """The task; returns why it failed, or nothing."""
@@ -151,7 +153,7 @@ class Run:
             self.planned += 1
             plan = self.solve(self.planned, task)
             if isinstance(plan, hfsm.NoPlan):
-                return plan.reason
+                return sentences.operator(plan.why)
             outcome, reason = self.follow(plan)
             if outcome is not hfsm.Outcome.REPLAN:
                 return "" if outcome is hfsm.Outcome.SUCCEEDED else reason
