@@ -140,7 +140,7 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
 
     def words(self, content: object) -> str:
         """Return a content in a few words, with the reason that it gives."""
-        return wording.short(wording.joined(self.about(content), self.why(content)))
+        return wording.short(": ".join(filter(None, (self.about(content), self.why(content)))))
 
     def addition(self, kind: str) -> Any:
         """Return the object named at this place of `additions`, imported; None where the system adds nothing there."""

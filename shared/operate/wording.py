@@ -30,11 +30,6 @@ def why(content: object) -> str:
     return next((one for one in found if one and isinstance(one, str)), "")
 
 
-def joined(about: str, why: str) -> str:
-    """Return what is said and why, where it says both."""
-    return ": ".join(filter(None, (about, why)))
-
-
 def short(text: str) -> str:
     """Return a text of at most LENGTH letters."""
     return text if len(text) <= LENGTH else text[: LENGTH - 1] + "…"

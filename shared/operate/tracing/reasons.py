@@ -9,7 +9,6 @@ from collections.abc import Iterator
 import msgspec
 
 from operate.tracing.trace import BAD, SETTLED, Identity, Known, Message, Span, Trace
-from operate.wording import joined
 
 MOST = 12
 """Facts of a chain, newest ones; estimate: what people read."""
@@ -65,7 +64,7 @@ def told(one: Message) -> Fact:
 
 def words(one: Message) -> str:
     """Return the content of a communicate in a few words, with the whole reason where it gives one."""
-    return joined(one.text, one.reason)
+    return ": ".join(filter(None, (one.text, one.reason)))
 
 
 def ending(trace: Trace, span: Span) -> Passage:
