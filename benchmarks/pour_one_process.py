@@ -24,6 +24,7 @@ from msgspec.structs import asdict, replace
 
 from companion.eyes import Eyes
 from companion.languages import hfsm, rc, wm
+from companion.languages.evidence import Evidence
 from companion.languages.facts import Facts, Kind, fact
 from companion.sentences import operator
 from services.executor.loop.core import LoopCore
@@ -37,7 +38,7 @@ from services.knowledge.store import Store
 from services.planner.search.search import search
 from services.task import plan as plans
 from services.task.running import LOOK_FIRST, OF_KIND
-from services.task.words import SURVEY, observations
+from services.task.words import SURVEY, known_after, not_checked, observations
 from velma.kinematics.robot import Robot
 from velma.model.scene import CANONICAL, Content, Noise, Scene, checked, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
@@ -68,6 +69,7 @@ class Run:
         self.body = InProcess(LoopCore(self.backend), receptor(scene, eyes))
         self.here: Situation = beginning(Robot(), things(scene), markers(scene))
         self.store, self.overlays, self.version = Store.open(None), Overlays(), 0
+        self.evidence: tuple[Evidence, ...] = ()
         self.plans: list[dict[str, float]] = []
         self.acts: list[tuple[str, float, str]] = []
 
@@ -87,7 +89,8 @@ class Run:
         return outcome
 
     def observe(self, outcome: rc.Done | rc.NotDone) -> None:
-        """Take ta's report to km after an act."""
+        """Take ta's report to km after an act, and keep what it says of evidence."""
+        self.evidence = known_after(self.evidence, outcome)
         for one in observations(outcome):
             self.version += 1
             self.store.write(observed(self.store.scene, one, (1, self.version)))
@@ -148,16 +151,19 @@ class Run:
         return self.carry_out(POUR)
 
     def carry_out(self, task: hfsm.Task) -> Facts:
-        """Do a task; return why it failed, or nothing."""
+        """Do a task; return why it failed, with what nobody has checked, or nothing."""
         why: Facts = ()
         for _ in range(MOST_PLANS):
             self.planned += 1
             plan = self.solve(self.planned, task)
             if isinstance(plan, hfsm.NoPlan):
-                return plan.why
+                return (*plan.why, *not_checked(self.evidence))
+            if task.name == hfsm.TaskName.SWAP_HANDS and plan.holds:  # as services.coordinator.words.settled
+                ((side, thing),) = plan.holds.items()
+                task = hfsm.Task(hfsm.TaskName.BRING, (thing, side))
             outcome, why = self.follow(plan)
             if outcome is not hfsm.Outcome.REPLAN:
-                return () if outcome is hfsm.Outcome.SUCCEEDED else why
+                return () if outcome is hfsm.Outcome.SUCCEEDED else (*why, *not_checked(self.evidence))
         return (fact(Kind.GIVEN_UP, MOST_PLANS, *why),)
 
 

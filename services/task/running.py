@@ -100,8 +100,8 @@ def preempted(memory: Memory, turn: Turn, why: Facts) -> Memory:
 
 
 def _finish(memory: Memory, outcome: Outcome, why: Facts) -> Memory:
-    """End the plan; where it succeeded, say what nobody has checked."""
-    doubts = not_checked(memory.evidence) if outcome is Outcome.SUCCEEDED else ()
+    """End the plan. If no other plan follows, say what nobody has checked: a thing may stand though no look shows it."""
+    doubts = () if outcome is Outcome.REPLAN else not_checked(memory.evidence)
     return replace(memory, end=ENDS[outcome], why=(*why, *doubts))
 
 

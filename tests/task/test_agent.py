@@ -227,6 +227,21 @@ def test_what_is_missing_is_said_at_once_and_looked_for() -> None:
     assert wm.SeenObject("table_1", "table", at, 3.0) in told
 
 
+def test_a_plan_that_fails_says_what_nobody_has_checked() -> None:
+    """The thing was put down, and the camera shows nothing: whether it stands is not known. A new plan is to see it."""
+    for kind, doubts in ((rc.NotDoneKind.FAILED, (fact(Kind.NOT_CHECKED, Claim.STANDS, "jar_1"),)), ("replan", ())):
+        scene = Scene()
+        look = hfsm.ActState("look", rc.Look("plan/2", ((0.6, -0.5, 0.8),)))
+        arcs = (hfsm.Arc(hfsm.Outcome.SUCCEEDED, "look"),)
+        scene.start(plan(hfsm.ActState("home", HOME, arcs), look))
+        scene.hears("ex", 1)
+        scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+        scene.ex(P.INFORM, rc.Done("plan/1", BODY, evidence=(Evidence(Claim.STANDS, "jar_1"),)))
+        scene.hears("ex", 2)
+        scene.ex(P.FAILURE, rc.NotDone("plan/2", kind, (fact(Kind.NOTHING_IS_SEEN),), BODY), number=1)
+        assert scene.hears("co", 3).why == (fact(Kind.NOTHING_IS_SEEN), *doubts)
+
+
 def test_what_was_put_down_and_not_seen_is_told_so() -> None:
     """km hears where the hand let go of it, and of no sight."""
     scene, at = Scene(), Pose((0.6, -0.5, 0.875))
