@@ -100,7 +100,7 @@ def preempted(memory: Memory, turn: Turn, why: Facts) -> Memory:
 
 
 def _finish(memory: Memory, outcome: Outcome, why: Facts) -> Memory:
-    """End the plan. If no other plan follows, say what nobody has checked: a thing may stand though no look shows it."""
+    """End the plan. If no other one follows, say what nobody has checked: a thing may stand though no look shows it."""
     doubts = () if outcome is Outcome.REPLAN else not_checked(memory.evidence)
     return replace(memory, end=ENDS[outcome], why=(*why, *doubts))
 
