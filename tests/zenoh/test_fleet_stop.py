@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from roco_fleet import Moment, RocoFleet, safely_down
 
+from companion.languages.facts import Kind, fact, with_reasons
 from services.executor.loop.program import Mode
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(400)]
@@ -35,7 +36,7 @@ def test_stopped_with_everybody_dead(fleet: RocoFleet) -> None:
     fleet.wait(lambda: fleet.restarted("ex", "router", "hi"), "the supervisor has restarted them")
     line = fleet.ended(task)
     assert line.state == "failed", line
-    assert "stopped" in line.text, line
+    assert any(one.kind is Kind.HELD_STILL for one in with_reasons(line.why)), line
     assert fleet.state().mode is Mode.STOPPED
     assert abs(fleet.state().q - stood).max() < 0.02
     assert fleet.truth().fingers_on["jar_1"]["left"] >= 3
@@ -53,7 +54,7 @@ def test_stopped_in_the_middle(fleet: RocoFleet) -> None:
     fleet.reach(task, lambda now: now.moving("move-cartesian") and now.held("jar_1", "left"))
     assert fleet.hi.say("careful!").state == "stopped"
     line = fleet.ended(task)
-    assert (line.state, "stopped by a person" in line.text) == ("failed", True), line
+    assert (line.state, line.why) == ("failed", (fact(Kind.HELD_STILL, Mode.STOPPED),)), line
     assert fleet.truth().fingers_on["jar_1"]["left"] >= 3
     fleet.roco("release")
     fleet.wait(lambda: fleet.state().mode is Mode.MOTION, "the loop can be commanded again")
