@@ -17,7 +17,6 @@ from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.core.events import Arrived
 from agent_runtime.io.step_replay import Parted, Put
 from agent_runtime.io.steplog import HEAD, fingerprint, read
-from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 from operate.cli.traffic.parting import Kept, first
@@ -125,7 +124,7 @@ def test_a_recording_that_says_something_else_is_seen(tmp_path: Path) -> None:
     shutil.copytree(DEPOT, run)
     (run / mcap_file.FILE).unlink()
     copy, done = mcap_file.Recording(run / mcap_file.FILE), ""
-    for record in mcap_file.read(DEPOT / mcap_file.FILE, SYSTEM).records:
+    for record in mcap_file.read(DEPOT / mcap_file.FILE).records:
         if isinstance(record, Spoken) and record.sender == "ox" and not done:
             wire = encode(replace(record.communicate, sent=1.0))
             record, done = replace(record, wire=wire, size=len(wire)), record.communicate.id

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Channel, Footer, Message, Schema
+from mcap.writer import IndexType, Writer
 from synthetic import Run
 from typer.testing import CliRunner
 
@@ -17,6 +19,7 @@ from operate.recording.contents import contents
 from operate.recording.mcap_file import Recording, read
 from operate.recording.recorder import Recorder
 from operate.recording.records import Record, understood
+from operate.recording.stored import stored
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7" / "traffic.mcap"
 RERUN = (sys.executable, "-m", "rerun")
@@ -98,11 +101,32 @@ def test_a_recording_that_was_not_closed_is_repaired(behind: bytes, records: lis
     recording.finish()
 
 
+def older(path: Path) -> None:
+    """Write the recorded pour as the first versions did."""
+    writer = Writer(
+        str(path), use_chunking=False, index_types=IndexType.NONE, repeat_channels=False, repeat_schemas=False,
+        use_statistics=False, use_summary_offsets=False,
+    )  # fmt: skip
+    writer.start(profile="robot-companion")
+    with POUR.open("rb") as file:
+        for one in stored(file):
+            match one:
+                case Schema():
+                    writer.register_schema(one.name, one.encoding, one.data)
+                case Channel():
+                    writer.register_channel(one.topic, one.message_encoding, one.schema_id)
+                case Message():
+                    writer.add_message(one.channel_id, one.log_time, one.data, one.publish_time, one.sequence)
+                case Footer():
+                    break
+    writer.finish()
+
+
 @pytest.mark.process
 def test_a_recording_of_an_older_version_is_repaired(tmp_path: Path) -> None:
     """It was closed in order, without chunks: Rerun read nothing from it, and said nothing."""
     path = tmp_path / mcap_file.FILE
-    path.write_bytes(POUR.read_bytes())
+    older(path)
     before = read(path)
     assert by_rerun(path) == 0
     roco(str(path))
