@@ -272,14 +272,14 @@ def test_the_clock_of_one_agent_is_stepped(depot: Depot) -> None:
     wait_for(lambda: logs(0.0), "the life after it logs the right time", PATIENCE_S)
 
 
-def test_a_fault_begins_with_words_that_the_run_tells(depot: Depot) -> None:
-    """Those of the end of another one."""
-    process = depot.begin("fault", "pause", "ox", "--at", "told:pause mule: over", "--run-dir", str(depot.run))
+def test_a_fault_begins_with_an_event_of_the_run(depot: Depot) -> None:
+    """That of another fault."""
+    process = depot.begin("fault", "pause", "ox", "--at", "event:fault", "--run-dir", str(depot.run))
     wait_for(lambda: any(one.target == "ox" for one in depot.last()), "it waits", PATIENCE_S)
     depot.roco("fault", "pause", "mule", "--for", "0.2", "--run-dir", str(depot.run))
     out, problems = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, problems
-    assert "pause ox at 'pause mule: over': healed after 1 s" in out
+    assert "pause ox at 'fault': healed after 1 s" in out
 
 
 def test_a_process_without_a_wire_is_told(depot: Depot) -> None:

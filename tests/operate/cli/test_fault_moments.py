@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
 from operate.cli.errors import UsageError
-from operate.cli.faults.moments import After, InState, Message, Told, counter, parse, words
+from operate.cli.faults.moments import After, InRun, InState, Message, counter, parse, words
+from operate.run_folder import Happened, PlanAt
 
 STATES = [(agent, one.name) for agent, entry in DESIGN.agents.items() for one in entry.state]
 OWNERS = {state: [agent for agent, name in STATES if name == state] for _, state in STATES}
@@ -39,11 +40,19 @@ def test_states(named: tuple[str, str], target: str) -> None:
             parse(state, DESIGN, target)
 
 
-@given(st.text(min_size=1, max_size=12))
-def test_words_that_a_run_tells(text: str) -> None:
-    """All behind told: are meant, and are shown in quotes."""
-    assert parse(f"told:{text}", DESIGN, "pl") == Told(text)
-    assert words(Told(text)) == repr(text)
+@given(st.text(min_size=1, max_size=12), st.text(min_size=1, max_size=12))
+def test_events_and_states_of_a_plan(name: str, other: str) -> None:
+    """A whole name of an event, and a whole part of a path; neither is there where only a text says so."""
+    event, state = parse(f"event:{name}", DESIGN, "pl"), parse(f"plan:{name}", DESIGN, "pl")
+    assert (event, state) == (InRun(event=name), InRun(plan=name))
+    assert words(event) == words(state) == repr(name)
+    assert event.there(Happened(t=0.0, name=name, text=other))
+    assert state.there(PlanAt(t=0.0, at=name))
+    assert state.there(PlanAt(t=0.0, at=f"{name}/{other}"))
+    for line in (Happened(t=0.0, name=f"{name}{other}", text=name), PlanAt(t=0.0, at=name)):
+        assert not event.there(line)
+    for line in (Happened(t=0.0, name=name), PlanAt(t=0.0, at=f"{other}/{name}")):
+        assert not state.there(line) or f"{other}/{name}".startswith(f"{name}/")
 
 
 @given(st.text(max_size=12))
@@ -61,7 +70,7 @@ def test_anything_else_is_refused_in_words(text: str) -> None:
         ("pl:flying", "pl has no state 'flying'; it has "),
         ("xx:idle", "no agent 'xx'; it has "),
         ("0th-message", "counted from 1"),
-        ("told:", "words that the run tells"),
+        ("event:", "names nothing; give seconds"),
         ("soon", "seconds \\(2.5\\), a time"),
     ],
 )

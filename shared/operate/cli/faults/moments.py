@@ -16,17 +16,18 @@ from fipa_codec.communicate import UNREADABLE
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
-from operate.cli.terminal.run_state import Follow, in_words
+from operate.cli.terminal.run_state import Follow
 from operate.cli.traffic import listen
+from operate.run_folder import Happened, LiveLine, PlanAt
 from topdown.model.design import Design
 
 SECONDS = re.compile(r"(\d+(?:\.\d+)?)s?")
 TIME = re.compile(r"@(\d+(?:\.\d+)?)")
 MESSAGE = re.compile(r"(\d+)(?:st|nd|rd|th)?-message")
-TOLD = "told:"
+EVENT, PLAN = "event:", "plan:"
 FORMS = (
-    "seconds (2.5), a time (@UNIX), a state (STATE or AGENT:STATE), the Nth message (3rd-message), or words that the"
-    f" run tells ({TOLD}WORDS)"
+    "seconds (2.5), a time (@UNIX), a state (STATE or AGENT:STATE), the Nth message (3rd-message), an event of the"
+    f" run ({EVENT}NAME), or a state of the plan ({PLAN}PATH)"
 )
 LOOK_S = 0.02
 
@@ -57,13 +58,27 @@ class Message(msgspec.Struct, frozen=True):
     agent: str = ""
 
 
-class Told(msgspec.Struct, frozen=True):
-    """As soon as the run tells a line with these words, counted from now: one that `roco view` and a demo show, too."""
+class InRun(msgspec.Struct, frozen=True):
+    """As soon as the run tells an event of this name (`events` of report.json), or is in this state of a plan.
 
-    words: str
+    `plan`: a path or its beginning, as `take jar_1` of `take jar_1/grasp`; only what is told from now on counts.
+    """
+
+    event: str = ""
+    plan: str = ""
+
+    def there(self, line: LiveLine) -> bool:
+        """Whether a line of live.jsonl tells it."""
+        match line:
+            case Happened(name=name):
+                return bool(self.event) and name == self.event
+            case PlanAt(at=at):
+                return bool(self.plan) and f"{at}/".startswith(f"{self.plan}/")
+            case _:
+                return False
 
 
-Moment = After | Until | InState | Message | Told
+Moment = After | Until | InState | Message | InRun
 
 
 class _Beat(msgspec.Struct, frozen=True):
@@ -84,10 +99,11 @@ def parse(text: str, design: Design, target: str) -> Moment:
         if int(found[1]) < 1:
             raise UsageError(f"{text!r}: messages are counted from 1; write 1st-message")
         return Message(int(found[1]), target if target in design.agents else "")
-    if text.startswith(TOLD):
-        if text == TOLD:
-            raise UsageError(f"{text!r} has no words behind it; write words that the run tells, as `roco demo` does")
-        return Told(text.removeprefix(TOLD))
+    kind, _, name = text.partition(":")
+    if text.startswith((EVENT, PLAN)) and kind not in design.agents:
+        if not name:
+            raise UsageError(f"{text!r} names nothing; give {FORMS}")
+        return InRun(**{kind: name})
     agent, _, state = text.rpartition(":")
     return InState(_whose(agent, state, text, design, target), state)
 
@@ -142,8 +158,8 @@ def wait(moment: Moment, within_s: float, target: str, run_dir: Path | None) -> 
     if isinstance(moment, Until):
         time.sleep(max(0.0, moment.at - time.time()))
         return
-    if isinstance(moment, Told):
-        _wait_told(moment, within_s, targets.find(target, run_dir))
+    if isinstance(moment, InRun):
+        _wait_in_run(moment, within_s, targets.find(target, run_dir))
         return
     there, until = counter(moment), time.monotonic() + within_s
     with listen.source(None, run_dir, target) as heard:
@@ -154,10 +170,10 @@ def wait(moment: Moment, within_s: float, target: str, run_dir: Path | None) -> 
                 raise _never_there(moment, within_s)
 
 
-def _wait_told(moment: Told, within_s: float, fleet: Target) -> None:
+def _wait_in_run(moment: InRun, within_s: float, fleet: Target) -> None:
     follow, until = Follow(fleet.live), time.monotonic() + within_s
     follow.new()
-    while not any(moment.words in in_words(line, fleet.system.plain) for line in follow.new()):
+    while not any(moment.there(line) for line in follow.new()):
         if time.monotonic() > until:
             raise _never_there(moment, within_s)
         time.sleep(LOOK_S)
@@ -176,7 +192,7 @@ def words(moment: Moment) -> str:
             return f"{datetime.fromtimestamp(at):%H:%M:%S.%f}"[:-4]
         case InState(agent=agent, state=state):
             return f"{agent}:{state}"
-        case Told(words=told):
-            return repr(told)
+        case InRun(event=event, plan=plan):
+            return repr(event or plan)
         case Message(count=count, agent=agent):
             return f"message {count}{f' of {agent}' if agent else ''}"
