@@ -7,6 +7,7 @@ file; runs that the file has are skipped. The table has the newest run of each c
 
     python benchmarks/disturbed.py --seeds 1-3
     python benchmarks/disturbed.py --seeds 1 --cases "bowl pushed before,wrist zero" --acts pour,take --scenes env2
+    python benchmarks/disturbed.py --seeds 1 --again "false failed,unsure"
     python benchmarks/disturbed.py --list
     python benchmarks/disturbed.py --table
 
@@ -591,6 +592,7 @@ def main(
     acts: Annotated[str, typer.Option(help=", ".join(ACTS))] = ",".join(ACTS),
     scenes: Annotated[str, typer.Option(help=", ".join(SCENES))] = ",".join(SCENES),
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
+    again: Annotated[str, typer.Option(help="verdicts whose runs of other versions are made once more")] = "",
     verbose: Annotated[bool, typer.Option("--verbose", help="tell each act")] = False,
     names: Annotated[bool, typer.Option("--list", help="list the disturbances, and end")] = False,
     table: Annotated[bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")] = False,
@@ -606,7 +608,8 @@ def main(
     for given, there in ((cases, CASES), (acts, ACTS), (scenes, SCENES)):
         if unknown := [one for one in given.split(",") if one not in there]:
             raise typer.BadParameter(f"{', '.join(unknown)}: there are {', '.join(there)}")
-    known = {key(line) for line in lines}
+    old = [line for line in lines if line["verdict"] in again.split(",") and line["commit"] != RUN]
+    known = {key(line) for line in lines if line not in old}
     with tempfile.TemporaryDirectory() as folder:
         os.environ[disturbances.VARIABLE] = str(Path(folder) / "disturbances.json")
         for scene, act, case, seed in rows(scenes, acts, cases, seeds):
