@@ -269,9 +269,21 @@ def _fits(name: str, given: int) -> bool:
     return given >= needed if len(parts) > needed else given == needed
 
 
+def _programs() -> list[Path]:
+    return [one for folder in ("services", "shared/companion") for one in (ROOT / folder).rglob("*.py")]
+
+
+def test_each_kind_is_said_by_a_program() -> None:
+    """Else its sentences are for nothing."""
+    trees = [ast.parse(path.read_text()) for path in _programs()]
+    nodes = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
+    named = {node.attr for node in nodes if ast.unparse(node.value) in ("Kind", "facts.Kind")}
+    assert set(Kind.__members__) <= named
+
+
 def test_each_fact_is_made_with_the_parts_of_its_kind() -> None:
     """Wherever a program makes one without a star."""
-    files = [one for folder in ("services", "shared/companion") for one in (ROOT / folder).rglob("*.py")]
+    files = _programs()
     calls = [(path, call, name) for path in files for call, name in _made(ast.parse(path.read_text()))]
     wrong = [
         f"{path.relative_to(ROOT)}:{call.lineno}: {ast.unparse(call)}"

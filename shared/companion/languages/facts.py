@@ -36,7 +36,6 @@ class Kind(StrEnum):
     LOST_SINCE = "lost-since", "side a"  # a hand lost it, and it was not seen since
     NOT_WHERE_IT_WAS = "not-where-it-was", "a because"
     FELL_OVER = "fell-over", "a"
-    LEANS = "leans", "a"
     LIES = "lies", "a"
     UPSIDE_DOWN = "upside-down", "a"
     ON_THE_FLOOR = "on-the-floor", "a"
@@ -100,7 +99,6 @@ class Kind(StrEnum):
     HANGS_ON_A_HINGE = "hangs-on-a-hinge", "a"
     FIRST_PLACE_UNKNOWN = "first-place-unknown", "a"
     NO_ROOM = "no-room", "a b"
-    NO_ROOM_ON = "no-room-on", "a w:furniture"
     # Ways of the arms
     UNREACHED = "unreached", "side a"
     HANDLE_UNREACHED = "handle-unreached", "side a"
@@ -156,7 +154,6 @@ class Kind(StrEnum):
     SAY_AGAIN_LATER = "say-again-later", "because"
     NOT_OBSERVED_YET = "not-observed-yet"  # observations are under way to km
     CANCELLED = "cancelled"
-    HAD_ENDED = "had-ended"
     OBSERVER_AWAY = "observer-away"
     LOOK_NOT_OVER = "look-not-over"
     STATES_LOST = "states-lost"

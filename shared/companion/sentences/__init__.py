@@ -83,9 +83,9 @@ def state(name: str, language: str) -> str:
     return catalogue(Reader(language)).state.get(name, name)
 
 
-def thing(name: str, reader: Reader, form: int = 0) -> str:
+def thing(name: str, reader: Reader) -> str:
     """Return what a thing is called: jar_1 is the jar, table_2 is table 2."""
-    return format(_thing(name, reader), str(form))
+    return format(_thing(name, reader))
 
 
 def _with_reasons(fact: Fact) -> str:
