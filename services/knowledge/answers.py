@@ -22,9 +22,8 @@ from services.knowledge.store import Store
 
 CONTENT = ".content"
 """`jar_1.content` is the name of what was in jar_1."""
-LARGEST_WHY = (
-    300  # bytes of what is told why: 500 hold it with its envelope; without it go the names of very many things
-)
+LARGEST_WHY = 300
+"""Bytes of the reason: 500 hold it with its envelope. The names of very many things do not fit and are left out."""
 _WORLD = Pose((0.0, 0.0, 0.0))
 
 
