@@ -592,7 +592,7 @@ def main(
     acts: Annotated[str, typer.Option(help=", ".join(ACTS))] = ",".join(ACTS),
     scenes: Annotated[str, typer.Option(help=", ".join(SCENES))] = ",".join(SCENES),
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
-    again: Annotated[str, typer.Option(help="verdicts whose runs of other versions are made once more")] = "",
+    again: Annotated[str, typer.Option(help="run again what another version ran with one of these verdicts")] = "",
     verbose: Annotated[bool, typer.Option("--verbose", help="tell each act")] = False,
     names: Annotated[bool, typer.Option("--list", help="list the disturbances, and end")] = False,
     table: Annotated[bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")] = False,

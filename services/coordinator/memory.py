@@ -72,8 +72,8 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     schedule parameters only) or ta (RUNNING).
 
     `meant`: the task for pl since its first plan, where that plan settled which thing and hand the words mean.
-    `arrived`: unix time [s]; `plans`: number requested; `at`: the last state of the plan that hi was told, with `why`;
-    that is why the next plan is wanted, too.
+    `arrived`: unix time [s]; `plans`: number requested; `at`: the state of the plan that hi was told last; `why`: the
+    reason that hi was told with it, or why the next plan is wanted.
     `patience_s`: how long ta may take for the plan that runs; `asks`: that plan waits for an operator.
     `looks`: how often the plan had to wait for a look around. `suspending`: ta was asked to leave it for another one;
     `suspended`: how often that was done, and `aside`: it waits for its turn since. `schedule`: parameters of its newest

@@ -12,7 +12,6 @@ from companion.languages.cmd import TaskReport, TaskState
 from companion.languages.evidence import Evidence
 from companion.languages.facts import Fact, Facts, Kind, fact
 from fipa_codec import languages
-from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative
 from services.coordinator.memory import Job
 
@@ -122,5 +121,5 @@ def _last(turn: Turn, job: Job, performative: Performative, said: TaskReport) ->
         return
     turn.say(job.conversation, performative, said)
     if job.cancelling:
-        too_late = Reason(f"the task was {said.state} before it could be cancelled")
+        too_late = languages.Reason(f"the task was {said.state} before it could be cancelled")
         turn.say(job.conversation, Performative.FAILURE, too_late, kind=languages.Kind.CANCEL)

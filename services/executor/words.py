@@ -13,7 +13,6 @@ from companion.languages.facts import Facts
 from companion.languages.values import Pose, Within
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative
-from services.executor.loop.program import named
 from services.executor.memory import Act
 from velma import names, ranges
 from velma.errors import MotionError
@@ -50,7 +49,7 @@ def _complaints(command: rc.Act) -> Iterator[Wrong]:
         try:
             ranges.joints("path", whole)
         except MotionError as error:
-            yield Wrong(named(error.field), str(error))
+            yield Wrong(error.field, str(error))
 
 
 def _outside(field: str, kind: Any, value: Any) -> Iterator[Wrong]:

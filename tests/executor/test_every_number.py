@@ -20,7 +20,7 @@ from services.executor import words
 from services.executor.loop import act
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopCommand
-from services.executor.loop.program import Close, HandCommand, HeadGoal, Motion, Move, Phase, Until, motion, named
+from services.executor.loop.program import Close, HandCommand, HeadGoal, Motion, Move, Phase, Until, motion
 from velma import ranges
 from velma.control.cartesian import CartesianGains
 from velma.control.dynamics import Dynamics
@@ -167,7 +167,7 @@ def test_a_motion_is_refused_by_its_field_or_ends(drawn: tuple[Motion, str]) -> 
         assert "expected" in refused.text
         (why,) = refused.why
         assert why.kind is Kind.MOTION_REFUSED
-        assert named(field) in why.words[0]
+        assert field.replace(" ", "_") in why.words[0]
         assert core.command.tau.tolist() == [0.0] * 15
         return
     assert all(map(math.isfinite, numbers(asked)))
@@ -279,7 +279,7 @@ def test_a_path_that_is_none_or_takes_too_long_is_refused(
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("beyond", [1e-6, 0.05, 0.3, 10.0, math.nan, math.inf])
 def test_no_goal_beyond_a_joint_is_planned(side: str, beyond: float) -> None:
-    """Of any joint, at either end, named with what is allowed; nor from a start that is none."""
+    """Of any joint, at either end with what is allowed; nor from a start that is none."""
     world = World(ROBOT)
     for joint in COLUMNS[side]:
         for end, way in ((LOWER, -1.0), (UPPER, 1.0)):

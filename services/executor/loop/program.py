@@ -220,12 +220,7 @@ class Refusal(msgspec.Struct, frozen=True):
 
 def refusal(error: MotionError) -> Refusal:
     """Return why a motion cannot be made."""
-    return Refusal((fact(Kind.MOTION_REFUSED, named(error.field)),), str(error))
-
-
-def named(field: str) -> str:
-    """Return the name of a field as a word of a fact, which has no blanks."""
-    return field.replace(" ", "_")[:64]
+    return Refusal((fact(Kind.MOTION_REFUSED, error.field),), str(error))
 
 
 def motion(key: str, q: Array, **options: Any) -> Motion:

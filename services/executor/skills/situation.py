@@ -124,7 +124,7 @@ class Situation:
 
     def begin(self) -> None:
         """Forget what is told at the end of one act only."""
-        self.weighed = self.arrived = None
+        self.weighed, self.arrived, self.refused = None, None, ""
         self.looked_into, self.at_least, self.missing, self.looked_at = set(), {}, set(), set()
 
     def see(self, sights: Sequence[Sight]) -> None:

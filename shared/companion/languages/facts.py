@@ -69,7 +69,7 @@ class Kind(StrEnum):
     HOLDS_NOT = "holds-not", "side a"
     NO_HAND_HOLDS = "no-hand-holds", "a"
     HANDS_EMPTY = "hands-empty"
-    HANDS_FULL = "hands-full"  # it is not said which thing is meant
+    HANDS_FULL = "hands-full"  # and nobody named the thing
     OTHER_HAND_WANTED = "other-hand-wanted", "side"
     PUT_DOWN_FIRST = "put-down-first", "side a"
     STILL_HELD = "still-held", "things because"
