@@ -279,7 +279,7 @@ def test_a_path_that_is_none_or_takes_too_long_is_refused(
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("beyond", [1e-6, 0.05, 0.3, 10.0, math.nan, math.inf])
 def test_no_goal_beyond_a_joint_is_planned(side: str, beyond: float) -> None:
-    """Of any joint, at either end with what is allowed; nor from a start that is none."""
+    """Of any joint, at either end, named with what is allowed; nor from a start that is none."""
     world = World(ROBOT)
     for joint in COLUMNS[side]:
         for end, way in ((LOWER, -1.0), (UPPER, 1.0)):
