@@ -95,11 +95,11 @@ AFTERNOON = (
     Command("swap hands", _hangs("jar_1")),
     Command("put it down", _free),
     Command("take the bowl", _hangs("bowl_1"), ("done",), "take bowl_1", "look around"),  # switch 1
-    Command("put down the bowl", _free, ("cancelled", "done"), "/release", "cancel"),  # interruption 2
+    Command("put down the bowl", _free, ("cancelled", "done"), "release", "cancel"),  # interruption 2
     Command("bring me the jar", _any, ("failed",), "take jar_1", "stop"),  # interruption 3
     Command("look around", _any),
-    Command("pour the jar into the bowl", _free, ("cancelled",), "/move-joint", "cancel"),  # interruption 4
-    Command("pour the jar into the bowl", _poured, ("done",), "/move-joint", "look around"),  # switch 2
+    Command("pour the jar into the bowl", _free, ("cancelled",), "move-joint", "cancel"),  # interruption 4
+    Command("pour the jar into the bowl", _poured, ("done",), "move-joint", "look around"),  # switch 2
     Command("put down the jar", _free),
 )
 TIDYING = (
@@ -113,7 +113,7 @@ TIDYING = (
     Command("clear the table", TIDY),
     Command("put the bowl on the table", _free, ("cancelled",), "take bowl_1", "cancel"),
     Command("put the jar on the table", _stands("jar_1", "table_1")),
-    Command("put the jar into the cabinet", _free, ("cancelled",), "/release", "cancel"),
+    Command("put the jar into the cabinet", _free, ("cancelled",), "release", "cancel"),
     Command("put the jar into the cabinet", TIDY),
 )
 SCRIPTS = {"afternoon": AFTERNOON, "tidying": TIDYING}
@@ -143,7 +143,7 @@ def _done(fleet: WatchedFleet, command: Command) -> dict[str, Any]:
     began = time.monotonic()
     task = fleet.say(command.say).task
     found: dict[str, Any] = {"say": command.say, "then": command.then}
-    if command.at and fleet.reach(task, lambda line, truth: command.at in line.at):
+    if command.at and fleet.reach(task, lambda line, truth: line.at is not None and command.at in line.at.path):
         found["interrupted"] = True
         found |= _interrupted(fleet, task, command.then)
     line = fleet.ended(task)

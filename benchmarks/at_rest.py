@@ -1,9 +1,9 @@
 """Processor and memory of a fleet at rest, as shipped: `python benchmarks/at_rest.py [CHECKOUT …] [--turns N]`.
 
 Each checkout (this one without any) brings up its own fleet with its own Python, by turns, so that the machine's load
-changes all of them alike. Measured are all processes of the fleet, from 20 s after it is ready on: the processor's time
-over 30 s, and the memory, each page divided by the number of processes that share it (PSS). Rows are appended to
-`results/at_rest.jsonl`.
+changes all of them alike. Measured are all processes of the fleet, from 90 s after it is ready on, when what has had no
+work for a minute has ended: the processor's time over 30 s, and the memory, each page divided by the number of
+processes that share it (PSS). Rows are appended to `results/at_rest.jsonl`.
 """
 
 import os
@@ -17,7 +17,7 @@ import tables
 import typer
 from fleets import ticks, tree
 
-SETTLE_S, MEASURED_S = 20.0, 30.0
+SETTLE_S, MEASURED_S = 90.0, 30.0
 OUT = Path(__file__).parent / "results" / "at_rest.jsonl"
 
 
@@ -53,7 +53,7 @@ def measure(checkout: Path) -> dict[str, object]:
             subprocess.run([roco, "down", "--run-dir", run], cwd=folder, check=True, capture_output=True, timeout=60.0)
     parts = {names[pid]: (round(spent[pid], 1), round(memory[pid])) for pid in pids}
     whole = {"percent": round(sum(spent.values()), 1), "pss_mb": round(sum(memory.values()))}
-    return {"load": round(load, 1), **whole, "parts": parts}
+    return {"load": round(load, 1), **whole, "processes": len(pids), "parts": parts}
 
 
 def main(
@@ -71,7 +71,8 @@ def main(
                 **measure(place),
             }
             tables.append(OUT, row)
-            print(f"{row['commit']}: {row['percent']} % of a core, {row['pss_mb']} MB; load {row['load']}", flush=True)
+            used = f"{row['percent']} % of a core, {row['pss_mb']} MB in {row['processes']} processes"
+            print(f"{row['commit']}: {used}; load {row['load']}", flush=True)
 
 
 if __name__ == "__main__":

@@ -22,9 +22,9 @@ from pour_one_process import Run
 from companion.languages import hfsm
 from companion.languages.facts import Facts
 from companion.sentences import operator
-from services.executor.loop.program import Motion, Phase
+from companion.skills.loop_messages import Motion, Phase
+from companion.skills.skill import Asked, Sensed
 from services.executor.simulation import InProcess
-from services.executor.skills.skill import Asked, Sensed
 from services.task import plan as plans
 
 UPRIGHT_DEG = 10.0

@@ -37,11 +37,13 @@ from companion.languages import facts, hfsm, rc
 from companion.languages.cmd import BACK
 from companion.languages.facts import Facts
 from companion.sentences import operator
+from companion.skills.loop_messages import KNOT_S, Motion
+from companion.skills.sight import Eye
+from companion.skills.skill import Asked, Sensed
+from companion.tasks.open_door.done import OpenDoor
+from companion.tasks.pour.done import Pour, PourKind
 from services.executor.loop.core import LoopCore
-from services.executor.loop.program import KNOT_S, Motion
-from services.executor.sight import Eye
 from services.executor.simulation import InProcess
-from services.executor.skills.skill import Asked, Sensed
 from services.task.words import SURVEY
 from velma.model.contacts import Kind as Meets
 from velma.model.kinds import Model
@@ -75,7 +77,7 @@ Event = Callable[["Disturbed"], None]
 class When(msgspec.Struct, frozen=True):
     """Moment of a disturbance: before the first act that `act` takes, or at a share of its first motion of `motion`."""
 
-    act: Callable[["Disturbed", rc.Act], bool]
+    act: Callable[["Disturbed", rc.Command], bool]
     motion: Callable[["Disturbed", Motion], bool] | None = None
     share: float = 0.5
 
@@ -124,12 +126,12 @@ class Disturbed(Run):
         self.case, self.name, self.file = case, name, file
         self.armed = self.happened = False
         self.going_on: tuple[Disturbance, ...] = ()
-        self.command: rc.Act = SURVEY
+        self.command: rc.Command = SURVEY
         super().__init__(scene, seed, verbose, backend=MujocoBackend(scene, crowded(scene)))
         self.body: Body = Body(self.body.core, self.body.eye, self._watch)
         self.rng = np.random.default_rng([seed, *name.encode(), *case.name.encode()])
 
-    def act(self, command: rc.Act) -> rc.Done | rc.NotDone:
+    def act(self, command: rc.Command) -> rc.Done | rc.NotDone:
         """Perform a command; before or during it, let it happen."""
         self.command, when = command, self.case.moment(self.name)
         if self.armed and when.motion is None and when.act(self, command):
@@ -203,29 +205,29 @@ def seconds(motion: Motion) -> float:
 # --- moments ----------------------------------------------------------------------------------------------------------
 
 
-def grasps(name: str) -> Callable[[Disturbed, rc.Act], bool]:
+def grasps(name: str) -> Callable[[Disturbed, rc.Command], bool]:
     """Return whether an act takes this thing."""
     return lambda _, command: isinstance(command, rc.Grasp) and command.object == name
 
 
-def kind(*kinds: type[rc.Act]) -> Callable[[Disturbed, rc.Act], bool]:
+def kind(*kinds: type[rc.Command]) -> Callable[[Disturbed, rc.Command], bool]:
     """Return whether an act is one of these."""
     return lambda _, command: isinstance(command, kinds)
 
 
-def carries(run: Disturbed, command: rc.Act) -> bool:
+def carries(run: Disturbed, command: rc.Command) -> bool:
     """Whether an act moves the hand that holds the jar: away, or where it is only taken, up."""
     kinds = rc.MoveCartesian if run.name in ("take", "open") else rc.MoveJoint
     return isinstance(command, kinds) and run.here.holder(JAR) == command.side
 
 
-def reaches(run: Disturbed, command: rc.Act) -> bool:
+def reaches(run: Disturbed, command: rc.Command) -> bool:
     """Whether a hand moves freely, and farther than AHEAD_M: there is room for something in its way."""
     now, then = run.hand_at(0.0), run.hand_at(0.6)
     return now is not None and then is not None and float(np.linalg.norm(then - now)) > AHEAD_M
 
 
-def any_act(_run: Disturbed, _command: rc.Act) -> bool:
+def any_act(_run: Disturbed, _command: rc.Command) -> bool:
     """Whether it is an act."""
     return True
 
@@ -237,7 +239,7 @@ def moving(_: Disturbed, motion: Motion) -> bool:
 
 def tilting(run: Disturbed, motion: Motion) -> bool:
     """Whether a motion of a pour tilts: the one after which it holds."""
-    return isinstance(run.command, rc.Pour) and moving(run, motion) and motion.settle_s == run.command.hold
+    return isinstance(run.command, Pour) and moving(run, motion) and motion.settle_s == run.command.hold
 
 
 def leaving(run: Disturbed, motion: Motion) -> bool:
@@ -248,22 +250,22 @@ def leaving(run: Disturbed, motion: Motion) -> bool:
 TAKES = ("take", "pour", "bring", "open")
 PLACES = ("carry", "put down", "put back", "swap")
 ACTS = ("take", "carry", "put down", "put back", "pour", "open", "bring", "swap")
-KEY: dict[str, Callable[[Disturbed, rc.Act], bool]] = {
+KEY: dict[str, Callable[[Disturbed, rc.Command], bool]] = {
     "take": grasps(JAR), "carry": carries, "put down": kind(rc.Release),
-    "put back": kind(rc.Release), "pour": kind(rc.Pour), "open": kind(rc.OpenDoor), "bring": grasps(JAR),
+    "put back": kind(rc.Release), "pour": kind(Pour), "open": kind(OpenDoor), "bring": grasps(JAR),
     "swap": kind(rc.Release),
 }  # fmt: skip
 """The act of a task that most disturbances are about."""
-TAKE = hfsm.Task(hfsm.TaskName.TAKE, (JAR, ""))
+TAKE = hfsm.Task("take", (JAR, ""))
 TASKS: dict[str, tuple[tuple[hfsm.Task, ...], hfsm.Task]] = {
     "take": ((), TAKE),
-    "carry": ((), hfsm.Task(hfsm.TaskName.PUT_AT, (JAR, "table"))),
-    "put down": ((TAKE,), hfsm.Task(hfsm.TaskName.PUT_DOWN, (JAR,))),
-    "put back": ((TAKE,), hfsm.Task(hfsm.TaskName.PUT_AT, (JAR, BACK))),
-    "pour": ((), hfsm.Task(hfsm.TaskName.POUR, (JAR, BOWL))),
+    "carry": ((), hfsm.Task("put_at", (JAR, "table"))),
+    "put down": ((TAKE,), hfsm.Task("put_down", (JAR,))),
+    "put back": ((TAKE,), hfsm.Task("put_at", (JAR, BACK))),
+    "pour": ((), hfsm.Task("pour", (JAR, BOWL))),
     "open": ((), TAKE),
-    "bring": ((), hfsm.Task(hfsm.TaskName.BRING, (JAR, ""))),
-    "swap": ((TAKE,), hfsm.Task(hfsm.TaskName.SWAP_HANDS, (JAR,))),
+    "bring": ((), hfsm.Task("bring", (JAR, ""))),
+    "swap": ((TAKE,), hfsm.Task("swap_hands", (JAR,))),
 }
 """What is done before, undisturbed, and what is then asked for. A door is opened because the jar is behind it."""
 SCENES = {"canonical": tuple(a for a in ACTS if a != "open"), "env2": tuple(a for a in ACTS if a != "open"),
@@ -394,7 +396,7 @@ def during(name: str) -> dict[str, When]:
 
 
 CARRY, REACH, PUTS = When(carries, moving), When(reaches, moving, 0.0), When(kind(rc.Release))
-TILT, RELEASE = When(kind(rc.Pour), tilting), When(kind(rc.Release), leaving, 0.3)
+TILT, RELEASE = When(kind(Pour), tilting), When(kind(rc.Release), leaving, 0.3)
 START = at(When(any_act))
 CASES = {
     one.name: one
@@ -499,7 +501,7 @@ def judged(said: str, why: Facts, good: bool, dropped: bool) -> str:
 
 
 OVER = "simulated time is over"
-UNSURE = (facts.Kind.NOT_SEEN_IN, facts.Kind.NOT_CHECKED, facts.Kind.UNCHECKABLE)
+UNSURE = (PourKind.NOT_SEEN_IN, facts.Kind.NOT_CHECKED, facts.Kind.UNCHECKABLE)
 """Facts that say that it is not known whether the task is done."""
 VERDICTS = ("right done", "right failed", "unsure", "false failed", "FALSE done", "drop", "hang", "crash")
 

@@ -21,7 +21,7 @@ import numpy as np
 import tables
 import typer
 
-from services.executor.skills.motions import aim
+from companion.skills.motions import aim
 from velma import names
 from velma.eyes.fit import View
 from velma.eyes.lens import lens

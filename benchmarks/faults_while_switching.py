@@ -23,6 +23,7 @@ import typer
 from interruptions import POUR
 from watched_fleet import ENDED, NotSeenError, WatchedFleet, unsafe
 
+from companion.design import DESIGN
 from operate.cli.errors import ConsoleError
 
 RESULTS = Path(__file__).parent / "results/faults_while_switching.jsonl"
@@ -30,9 +31,9 @@ PAGE = Path(__file__).parents[1] / "docs/reliability.md"
 BEGIN, END = "<!-- switching: python benchmarks/faults_while_switching.py --table -->\n", "<!-- /switching -->\n"
 FAULTS = {"kill": (), "hang": ("--for", "60")}
 """Kind -> options of `roco fault`; the supervisor has ended what hangs long before."""
-VICTIMS = ("hi", "co", "pl", "km", "ta", "ex")
+VICTIMS = tuple(DESIGN.agents)
 PHASES = ("suspending", "suspended", "resuming", "cancelling")
-AT = "carry jar_1/"
+AT = "carry jar_1"
 FAULT_S = 120.0  # wall; estimate: until a process is back, on a busy machine
 LEAST = 0.9
 """Share of the content that a pour moves."""
@@ -44,7 +45,7 @@ class Cell:
     def __init__(self, fleet: WatchedFleet, victim: str, fault: str) -> None:
         self.fleet, self.victim, self.fault = fleet, victim, fault
         self.pour = fleet.say(POUR).task
-        if not fleet.reach(self.pour, lambda line, truth: AT in line.at):
+        if not fleet.reach(self.pour, lambda line, truth: line.at is not None and AT in line.at.path):
             raise NotSeenError(f"the pour ended before {AT}: {fleet.line(self.pour).text}")
 
     def run(self, phase: str) -> str:

@@ -32,8 +32,8 @@ SAFE_S = 25.0  # simulated; what is wanted
 Moment = Callable[[TaskLine, Truth], bool]
 
 
-def _at(path: str, also: Callable[[Truth], bool] = lambda truth: True) -> Moment:
-    return lambda line, truth: path in line.at and also(truth)
+def _at(step: str, act: str = "", also: Callable[[Truth], bool] = lambda truth: True) -> Moment:
+    return lambda line, truth: line.at is not None and step in line.at.path and act in ("", line.at.act) and also(truth)
 
 
 def _jar(truth: Truth, least: int, most: int = 99) -> bool:
@@ -42,17 +42,25 @@ def _jar(truth: Truth, least: int, most: int = 99) -> bool:
 
 PHASES: dict[str, Moment] = {
     "searching": lambda line, truth: line.state == "planning",
-    "approaching": _at("take jar_1/move-joint"),
-    "closing": _at("take jar_1/grasp", lambda truth: _jar(truth, 1)),
-    "jar lifted": _at("take jar_1/move-cartesian", lambda truth: _jar(truth, 3)),
-    "carrying": _at("carry jar_1/", lambda truth: _jar(truth, 3)),
-    "bowl grasped": _at("take bowl_1/grasp", lambda truth: _jar(truth, 3)),
-    "putting down": _at("place bowl_1/release", lambda truth: "bowl_1" in held(truth)),
+    "approaching": _at("take jar_1", "MoveJoint"),
+    "closing": _at("take jar_1", "Grasp", lambda truth: _jar(truth, 1)),
+    "jar lifted": _at("take jar_1", "MoveCartesian", lambda truth: _jar(truth, 3)),
+    "carrying": _at("carry jar_1", "", lambda truth: _jar(truth, 3)),
+    "bowl grasped": _at("take bowl_1", "Grasp", lambda truth: _jar(truth, 3)),
+    "putting down": _at("place bowl_1", "Release", lambda truth: "bowl_1" in held(truth)),
     "between plans": _at("look at bowl_1"),
     "replanning": lambda line, truth: line.state == "planning" and any(one.numbers[:1] == (2.0,) for one in line.why),
-    "tilting": _at("/pour", lambda truth: 30.0 < truth.tilt_deg["jar_1"] < 90.0 and not truth.grains_in["bowl_1"]),
-    "mid-pour": _at("/pour", lambda truth: truth.tilt_deg["jar_1"] > 90.0 and truth.grains_in["bowl_1"] > 0),
-    "returning": _at("/pour", lambda truth: truth.tilt_deg["jar_1"] < 80.0 and truth.grains_in["bowl_1"] > 0),
+    "tilting": _at(
+        "pour jar_1 bowl_1",
+        "Pour",
+        lambda truth: 30.0 < truth.tilt_deg["jar_1"] < 90.0 and not truth.grains_in["bowl_1"],
+    ),
+    "mid-pour": _at(
+        "pour jar_1 bowl_1", "Pour", lambda truth: truth.tilt_deg["jar_1"] > 90.0 and truth.grains_in["bowl_1"] > 0
+    ),
+    "returning": _at(
+        "pour jar_1 bowl_1", "Pour", lambda truth: truth.tilt_deg["jar_1"] < 80.0 and truth.grains_in["bowl_1"] > 0
+    ),
 }
 """Moments of a pour, in their order."""
 

@@ -15,8 +15,8 @@ from collections import Counter, defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
+from companion.all_languages import LANGUAGES
 from companion.design import DESIGN
-from companion.languages import LANGUAGES
 from fipa_codec.communicate import decode
 from operate.recording import mcap_file
 from operate.recording.records import Record, Spoken, Token

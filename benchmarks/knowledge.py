@@ -11,7 +11,8 @@ import argparse
 
 from observing import SCENE, report_observing, seen, timed
 
-from companion.languages import WM, wm
+from companion.all_languages import WM
+from companion.languages import wm
 from companion.languages.values import Cylinder, Pose, Side
 from services.knowledge.answers import ask
 from services.knowledge.overlays import Overlays

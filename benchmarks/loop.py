@@ -16,9 +16,9 @@ import mujoco
 import numpy as np
 from msgspec.structs import replace
 
+from companion.skills.loop_messages import Motion, Phase, motion
 from services.executor.loop.core import LoopCore
 from services.executor.loop.memory import MEMORY, Keeper
-from services.executor.loop.program import Motion, Phase, motion
 from velma.model import scene
 from velma.model.grains import grain_name
 from velma.model.scene import Content

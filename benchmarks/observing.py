@@ -13,8 +13,9 @@ from agent_runtime.core.events import AnyEvent, Arrived, Next, PeerChanged, Star
 from agent_runtime.core.step import Core
 from agent_runtime.io.journal import Journal
 from agent_runtime.io.steplog import fingerprint
+from companion.all_languages import WM
 from companion.binding import wiring
-from companion.languages import WM, wm
+from companion.languages import wm
 from companion.languages.values import BodyPosture, Pose, Side
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative

@@ -13,14 +13,14 @@ import typer
 
 from companion.languages import hfsm, wm
 from companion.languages.values import BodyPosture, Pose, Side
+from companion.planning.search import search
 from companion.sentences import operator
+from companion.skills.motions import aim
 from services.executor import simulation
-from services.executor.skills.motions import aim
 from services.knowledge.answers import ask
 from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene
-from services.planner.search.search import search
 from services.task.words import SURVEY
 from velma import names
 from velma.kinematics.frames import xyz_quat

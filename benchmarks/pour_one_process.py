@@ -22,20 +22,24 @@ import tables
 import typer
 from msgspec.structs import asdict, replace
 
+from companion.acts import ACTS
 from companion.eyes import Eyes
 from companion.languages import hfsm, rc, wm
 from companion.languages.evidence import Evidence
 from companion.languages.facts import Facts, Kind, fact
+from companion.planning.search import search
 from companion.sentences import operator
+from companion.skills.performing import perform
+from companion.skills.situation import Situation, beginning
+from companion.tasks.pour.done import Pour, PourKind
+from companion.tasks.put_down.command import PutDown
+from companion.tasks.swap_hands.command import SwapHands
 from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess, markers, receptor, things
-from services.executor.skills.performing import perform
-from services.executor.skills.situation import Situation, beginning
 from services.knowledge.answers import ask
 from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
-from services.planner.search.search import search
 from services.task import plan as plans
 from services.task.running import LOOK_FIRST, OF_KIND
 from services.task.words import SURVEY, known_after, not_checked, observations
@@ -45,7 +49,9 @@ from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 
 MOST_PLANS = 6
-POUR = hfsm.Task(hfsm.TaskName.POUR, ("jar", "bowl"))
+SETTLING = {"swap_hands": SwapHands, "put_down": PutDown}
+"""Commands of which a plan settles what they mean, as co lets it."""
+POUR = hfsm.Task("pour", ("jar", "bowl"))
 RUN = tables.commit()
 Part = TypeVar("Part", Content, Noise)
 PAGE = Path(__file__).parents[1] / "docs/scenes.md"
@@ -73,11 +79,11 @@ class Run:
         self.plans: list[dict[str, float]] = []
         self.acts: list[tuple[str, float, str]] = []
 
-    def act(self, command: rc.Act) -> rc.Done | rc.NotDone:
+    def act(self, command: rc.Command) -> rc.Done | rc.NotDone:
         """Perform a command, then let km know what was seen."""
         began = time.perf_counter()
         outcome = self.body.perform(perform(self.here, command))
-        self.observe(outcome)
+        self.observe(outcome, command)
         name = f"{type(command).__name__} {command.key}"
         ended = "done" if isinstance(outcome, rc.Done) else f"{outcome.kind}: {operator(outcome.why)}"
         self.acts.append((name, round(outcome.sim_time, 2), ended))
@@ -88,10 +94,11 @@ class Run:
             typer.echo(f"  {self.here.time:7.2f} {name:28s} {times} {ended}, truly tilted {tilt}")
         return outcome
 
-    def observe(self, outcome: rc.Done | rc.NotDone) -> None:
+    def observe(self, outcome: rc.Done | rc.NotDone, command: rc.Command) -> None:
         """Take ta's report to km after an act, and keep what it says of evidence."""
         self.evidence = known_after(self.evidence, outcome)
-        for one in observations(outcome):
+        own = ACTS[type(command)].sights(command, outcome) if isinstance(outcome, rc.Done) else ()
+        for one in (*own, *observations(outcome)):
             self.version += 1
             self.store.write(observed(self.store.scene, one, (1, self.version)))
 
@@ -134,12 +141,12 @@ class Run:
         done = self.act(leaf.command)
         if isinstance(done, rc.Done):
             if done.arrived is False:
-                return hfsm.Outcome.FAILED, (fact(Kind.REST_NOT_THERE, getattr(leaf.command, "destination", "")),)
+                return hfsm.Outcome.FAILED, (fact(PourKind.REST_NOT_THERE, getattr(leaf.command, "destination", "")),)
             if done.missing:
                 self.act(SURVEY)
                 return hfsm.Outcome.REPLAN, tuple(fact(Kind.NOT_WHERE_IT_WAS, name) for name in done.missing)
-            if isinstance(leaf.command, rc.Pour) and not done.arrived:
-                return hfsm.Outcome.FAILED, (fact(Kind.NOT_SEEN_IN, leaf.command.destination),)
+            if isinstance(leaf.command, Pour) and not done.arrived:
+                return hfsm.Outcome.FAILED, (fact(PourKind.NOT_SEEN_IN, leaf.command.destination),)
             return hfsm.Outcome.SUCCEEDED, ()
         if done.kind in LOOK_FIRST:
             self.act(SURVEY)
@@ -158,9 +165,8 @@ class Run:
             plan = self.solve(self.planned, task)
             if isinstance(plan, hfsm.NoPlan):
                 return (*plan.why, *not_checked(self.evidence))
-            if task.name == hfsm.TaskName.SWAP_HANDS and plan.holds:  # as services.coordinator.words.settled
-                ((side, thing),) = plan.holds.items()
-                task = hfsm.Task(hfsm.TaskName.BRING, (thing, side))
+            if task.name in SETTLING:
+                task = SETTLING[task.name](*task.arguments).settled(plan) or task
             outcome, why = self.follow(plan)
             if outcome is not hfsm.Outcome.REPLAN:
                 return () if outcome is hfsm.Outcome.SUCCEEDED else (*why, *not_checked(self.evidence))

@@ -33,8 +33,9 @@ from agent_runtime.io import shell
 from agent_runtime.io.devices import Post
 from agent_runtime.io.options import Options
 from agent_runtime.io.sessions import client_config, keep_memory
+from companion.all_languages import LANGUAGES
 from companion.binding import wiring
-from companion.languages import LANGUAGES, wm
+from companion.languages import wm
 from companion.languages.values import Pose
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative

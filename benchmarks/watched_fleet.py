@@ -16,12 +16,12 @@ from typing import TypeVar
 import msgspec
 
 from companion.run_files import SLOTS_FILE, TaskLine
+from companion.skills.loop_messages import Mode
 from companion.tools.verbs.hi import Hi, HiError, address
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import starting
 from operate.cli.fleet.local import Local
 from services.executor.loop.link import AgentLink
-from services.executor.loop.program import Mode
 from velma.errors import SlotError
 from velma.sim.truth import Truth
 
@@ -30,7 +30,7 @@ UP_S, TASK_S, READ_S, PERIOD_S = 180.0, 600.0, 20.0, 0.02  # wall; estimates for
 LOWEST_M = {"jar_1": 0.80, "bowl_1": 0.72}
 """Origins of things that stand on the lowest surface there is, the table of 0.775 m, less some centimetres."""
 UPRIGHT_DEG, HELD = 10.0, 3
-TILTED_DEG = 60.0  # a carried thing may tilt by 60 degrees (services.planner.search.putting)
+TILTED_DEG = 60.0  # a carried thing may tilt by 60 degrees (companion.planning.placing)
 T = TypeVar("T")
 
 

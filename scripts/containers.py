@@ -1,6 +1,7 @@
 """Docker and Compose as this machine has them: found, called with a time limit, their failures told."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,8 @@ from typing import TypeVar
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "deploy" / "compose.yaml"
+SERVICES = tuple(re.findall(r"^  ([\w-]+):\n    <<: \*service$", FILE.read_text(encoding="utf-8"), re.MULTILINE))
+"""All but the keeper of the keys."""
 BUILDKIT = {"DOCKER_BUILDKIT": "1", "COMPOSE_DOCKER_CLI_BUILD": "1"}  # docker-compose 1.29 wants to be asked
 ASK_S = 30.0  # estimate: for a question to the daemon
 LOOK_S = 0.2  # estimate: between two looks at what is waited for

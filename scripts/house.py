@@ -11,11 +11,16 @@ import tomllib
 from pathlib import Path
 
 import grimp
+from marked import put
+
+from companion.design import DESIGN
+from companion.tools.system import PROCESSES
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 OPEN, CLOSE = "<!-- house: made by scripts/figures -->\n", "<!-- :house -->\n"
-SIX = ("human_interface", "coordinator", "planner", "knowledge", "task", "executor")
+AGENTS = {process.module.partition(".")[2] for process in PROCESSES if process.name in DESIGN.agents}
+"""Folders of services that are agents of the design."""
 KINDS = {"any": "any design", "this": "this system", "process": "processes"}
 ROOMS = {
     "fipa_codec": "any",
@@ -23,6 +28,9 @@ ROOMS = {
     "topdown": "any",
     "operate": "any",
     "companion": "this",
+    "companion.planning": "this",
+    "companion.skills": "this",
+    "companion.tasks": "this",
     "companion.tools": "this",
     "velma": "this",
     "agents": "process",
@@ -36,8 +44,8 @@ def room_of(module: str) -> str:
     first, _, rest = module.partition(".")
     second = rest.partition(".")[0]
     if first == "services":
-        return "agents" if second in SIX else "monitor, supervisor, router"
-    return "companion.tools" if (first, second) == ("companion", "tools") else first
+        return "agents" if second in AGENTS else "monitor, supervisor, router"
+    return room if (room := f"{first}.{second}") in ROOMS else first
 
 
 def edges() -> set[tuple[str, str]]:
@@ -63,11 +71,7 @@ def picture() -> str:
 
 def page(text: str) -> str:
     """The page with the picture as it is now. Raise ValueError where the page has no place for it."""
-    before, begun, rest = text.partition(OPEN)
-    _, ended, after = rest.partition(CLOSE)
-    if not begun or not ended:
-        raise ValueError(f"{PAGE} needs the lines {OPEN.strip()} and {CLOSE.strip()}")
-    return before + OPEN + picture() + CLOSE + after
+    return put(text, OPEN, CLOSE, picture())
 
 
 if __name__ == "__main__":

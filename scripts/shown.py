@@ -70,6 +70,10 @@ class Block(NamedTuple):
         return f"{self.page.relative_to(ROOT) if self.page.is_relative_to(ROOT) else self.page}:{self.line}"
 
 
+_QUOTED = re.compile(r"^````.*?^````$", re.MULTILINE | re.DOTALL)
+"""A page's text that another page quotes."""
+
+
 class Difference(NamedTuple):
     """A difference between a page and the output; `words` for people."""
 
@@ -79,7 +83,7 @@ class Difference(NamedTuple):
 
 def blocks(page: Path) -> Iterator[Block]:
     """The marked blocks of a page. ValueError names a comment or a body that cannot be read."""
-    text = page.read_text(encoding="utf-8")
+    text = _QUOTED.sub(lambda quoted: "\n" * quoted[0].count("\n"), page.read_text(encoding="utf-8"))
     for match in _BLOCK.finditer(text):
         line = text.count("\n", 0, match.start()) + 1
         kind, *rest = shlex.split(match["words"])

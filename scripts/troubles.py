@@ -66,7 +66,7 @@ def raised() -> dict[str, list[str]]:
     for _, tree in sources():
         for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
             name = ast.unparse(call.func).split(".")[-1]
-            words = " ".join(filter(lambda each: each.strip("… "), map(_words, call.args)))
+            words = " ".join(filter(lambda each: each.strip("…/ "), map(_words, call.args)))
             if words and words not in found.setdefault(name, []):
                 found[name].append(words)
     return found

@@ -39,29 +39,62 @@ def test_no_service_may_import_another() -> None:
         assert not [name for name in contract["may_import"] if name.startswith("services")], contract["room"]
 
 
+def linted(folder: Path, package: str, room: str, *also: str) -> subprocess.CompletedProcess[str]:
+    """Check the package in a folder against one row, in which msgspec may be imported, and `also`."""
+    may_import = "".join(f"\n    {one}" for one in ("msgspec", *also))
+    (folder / ".importlinter").write_text(
+        f"[importlinter]\nroot_packages =\n    {package}\ninclude_external_packages = true\n"
+        "contract_types =\n    room: scripts.rooms.Room\n"
+        f"[importlinter:contract:row]\nname = row\ntype = room\nroom = {room}\nmay_import ={may_import}\n"
+    )
+    (folder / "scripts").symlink_to(ROOT / "scripts")
+    lint = Path(sys.executable).with_name("lint-imports")
+    return subprocess.run(
+        [lint, "--no-logo", "--no-cache"], cwd=folder, capture_output=True, text=True, timeout=50, check=False
+    )
+
+
+def made(folder: Path, package: str, **modules: str) -> None:
+    """Write a package with these modules."""
+    inside = folder.joinpath(*package.split("."))
+    inside.mkdir(parents=True)
+    for name, text in modules.items():
+        (inside / f"{name}.py").write_text(text)
+    for above in [inside, *inside.parents]:
+        if above == folder:
+            break
+        (above / "__init__.py").touch()
+
+
 @pytest.mark.parametrize("room", ["fipa_codec", "services.task"])
 def test_a_forbidden_import_is_found_and_named(room: str, tmp_path: Path) -> None:
     """The contract sees an import its row does not allow, in a package of that very name."""
-    package = tmp_path.joinpath(*room.split("."))
-    package.mkdir(parents=True)
-    for folder in [package, *package.parents]:
-        if folder == tmp_path:
-            break
-        (folder / "__init__.py").touch()
-    (package / "core.py").write_text("import json\nimport zenoh\n")
-    (tmp_path / ".importlinter").write_text(
-        f"[importlinter]\nroot_packages =\n    {room.partition('.')[0]}\ninclude_external_packages = true\n"
-        "contract_types =\n    room: scripts.rooms.Room\n"
-        f"[importlinter:contract:row]\nname = row\ntype = room\nroom = {room}\nmay_import =\n    msgspec\n"
-    )
-    (tmp_path / "scripts").symlink_to(ROOT / "scripts")
-    lint = Path(sys.executable).with_name("lint-imports")
-    found = subprocess.run(
-        [lint, "--no-logo", "--no-cache"], cwd=tmp_path, capture_output=True, text=True, timeout=50, check=False
-    )
+    made(tmp_path, room, core="import json\nimport zenoh\n")
+    found = linted(tmp_path, room.partition(".")[0], room)
     assert found.returncode == 1, found.stdout + found.stderr
     assert f"{room}.core:2: import zenoh" in found.stdout
     assert "import json" not in found.stdout
+
+
+def test_rooms_that_share_a_row_do_not_import_each_other(tmp_path: Path) -> None:
+    """A part of a task imports what the row lists, and other parts of its own task alone."""
+    made(tmp_path, "tasks.take", plan="import msgspec\nimport tasks.take.done\n", done="import zenoh\n")
+    made(tmp_path, "tasks.pour", plan="from tasks.take import plan\nimport tasks.take.done\n")
+    found = linted(tmp_path, "tasks", "tasks.*.plan", "tasks.*.done")
+    assert found.returncode == 1, found.stdout + found.stderr
+    assert re.findall(r"^tasks.*", found.stdout, re.MULTILINE) == [
+        "tasks.pour.plan:2: import tasks.take.done",
+        "tasks.pour.plan:1: from tasks.take import plan",
+        "tasks.*.plan may import: msgspec, tasks.*.done",
+    ]
+
+
+def test_a_row_of_a_room_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    """It would allow everything."""
+    made(tmp_path, "tasks.take", plan="import zenoh\n")
+    found = linted(tmp_path, "tasks", "tasks.*.plans")
+    assert found.returncode == 1
+    assert "there is no room tasks.*.plans" in found.stdout + found.stderr
 
 
 def test_a_sum_of_floats_is_found_and_named(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ VelmaError
     MotionError     a motion that the loop must not start
     SlotError       the shared file is not of this version
     BackendError    there is no back-end of this name
+        NoRobotError    its function raised: there is no robot behind it now
     GlError         OpenGL does not draw without a display
 """
 
@@ -43,6 +44,10 @@ class BackendError(VelmaError):
     def __init__(self, name: str, found: str, expected: str, remedy: str) -> None:
         self.name, self.found, self.expected = name, found, expected
         super().__init__(f"back-end {name!r}: {found}, expected {expected}; {remedy}")
+
+
+class NoRobotError(BackendError):
+    """The function of a back-end raised an exception: there is no robot behind it now."""
 
 
 class GlError(VelmaError):

@@ -31,6 +31,7 @@ MOST_LEVER_M = 1.0
 Lever = Annotated[float, Meta(ge=-MOST_LEVER_M, le=MOST_LEVER_M)]
 Seconds = Annotated[float, Meta(ge=0.0, le=60.0)]  # of a rest
 Effort = Annotated[float, Meta(ge=0.0, le=100.0)]  # Nm
+Newtons = Annotated[float, Meta(ge=1.0, le=100.0)]
 Stiffness = Annotated[float, Meta(ge=0.0, le=1e4)]  # N/m, Nm/rad
 Viscosity = Annotated[float, Meta(ge=0.0, le=1e3)]  # Nms/rad
 DampingRatio = Annotated[float, Meta(ge=0.05, le=5.0)]

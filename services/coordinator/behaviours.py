@@ -80,7 +80,7 @@ def _planned(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     if job.looks < 2 or job.why != words.LOOKS:
         why = fact(Kind.PLAN, job.plans, *(job.why or chosen))
         words.progress(turn, job, TaskState.PLANNING, (why,))
-    return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at="", why=(), weighed=False))
+    return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at=None, why=(), weighed=False))
 
 
 def _asked(turn: Turn, job: Job, limits: Limits) -> str:

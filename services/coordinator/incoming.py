@@ -39,7 +39,8 @@ def take(memory: Memory, turn: Turn, limits: Limits) -> Memory:
             memory = _FROM[received.communicate.sender](memory, turn, received, limits)
         case Late(conversation=name) if (job := memory.of_talk(name)) is not None:
             memory = _on_late(memory, turn, job, limits)
-        case Broken(conversation=name):
+        case Broken(conversation=name, reason=reason):
+            turn.log("broken", level="warning", conversation=name, why=reason)
             memory = _on_broken(memory, turn, name, limits)
         case Woken(name=name) if name == PATIENCE:
             memory = _out_of_patience(memory, turn)
@@ -134,7 +135,7 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         return memory if turn.holds(job.talk) else _informed(memory, turn, job, received.content, limits)
     if isinstance(received.content, hfsm.HierarchicalPlan):
         plan = replace(received.content, rejected=())
-        meant = job.meant or words.settled(job.command, plan)
+        meant = job.meant or job.command.settled(plan)
         return memory.with_job(replace(_with_schedule(job, plan), stage=Stage.PLANNED, plan=plan, meant=meant))
     if isinstance(received.content, hfsm.NoPlan) and received.content.later and job.looks < limits.looks:
         return _not_yet(memory, job)
@@ -220,7 +221,7 @@ def _on_replan(memory: Memory, turn: Turn, job: Job, said: sw.Report, limits: Li
     if job.plans - job.suspended > limits.replans:
         return _failed(memory, turn, job, (fact(Kind.GIVEN_UP, job.plans, *why),))
     turn.log("replan", conversation=job.conversation, plans=job.plans, why=operator(why))
-    return memory.changed().with_job(replace(job, stage=Stage.WAITING, talk="", at="", why=why))
+    return memory.changed().with_job(replace(job, stage=Stage.WAITING, talk="", at=None, why=why))
 
 
 def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
@@ -232,7 +233,7 @@ def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     here = job.parameters
     left = () if here is None else (hfsm.ScheduleParameters("", here.rest + here.resume),)
     job = replace(
-        job, stage=Stage.WAITING, talk="", plan=None, at="", why=(), suspending=False, aside=True, schedule=left
+        job, stage=Stage.WAITING, talk="", plan=None, at=None, why=(), suspending=False, aside=True, schedule=left
     )
     memory = memory.changed().with_job(replace(job, suspended=job.suspended + 1, asked=False, weighed=False))
     memory = requeued(memory, turn, limits)

@@ -9,7 +9,9 @@ from enum import StrEnum
 
 import msgspec
 
-from companion.languages import cmd, hfsm
+from companion.all_languages import AnyCommand
+from companion.languages import hfsm
+from companion.languages.cmd import Command
 from companion.languages.facts import Facts
 from services.coordinator.scheduling import Decision
 
@@ -72,7 +74,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     schedule parameters only) or ta (RUNNING).
 
     `meant`: the task for pl since its first plan, where that plan settled which thing and hand the words mean.
-    `arrived`: unix time [s]; `plans`: number requested; `at`: the state of the plan that hi was told last; `why`: the
+    `arrived`: unix time [s]; `plans`: number requested; `at`: the place in the plan that hi was told last; `why`: the
     reason that hi was told with it, or why the next plan is wanted.
     `patience_s`: how long ta may take for the plan that runs; `asks`: that plan waits for an operator.
     `looks`: how often the plan had to wait for a look around. `suspending`: ta was asked to leave it for another one;
@@ -82,7 +84,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     """
 
     conversation: str
-    command: cmd.Task
+    command: AnyCommand
     arrived: float
     stage: Stage = Stage.WAITING
     talk: str = ""
@@ -90,7 +92,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     looks: int = 0
     plan: hfsm.HierarchicalPlan | None = None
     meant: hfsm.Task | None = None
-    at: str = ""
+    at: hfsm.Place | None = None
     why: Facts = ()
     cancelling: bool = False
     suspending: bool = False
@@ -133,8 +135,13 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     @property
     def parameters(self) -> hfsm.ScheduleParameters | None:
         """Its schedule parameters now: those of the state of the plan that hi was told last; None while unknown."""
-        here = self.at.partition("/")[0]
-        return next((one for one in self.schedule if one.at == here), next(iter(self.schedule), None))
+        number = self.number(self.at)
+        return self.schedule[number - 1] if number else next(iter(self.schedule), None)
+
+    def number(self, at: hfsm.Place | None) -> int:
+        """Return the number of the plan's step at a place, the first is 1; 0 where it is none of its steps."""
+        steps = (number for number, one in enumerate(self.schedule, start=1) if at is not None and one.at == at.path[0])
+        return next(steps, 0)
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -231,15 +238,14 @@ def comes_after(job: Job, earlier: Job) -> bool:
     return job.command.after == earlier.conversation or bool(mine & others) or whatever
 
 
-def things_of(command: cmd.Task) -> frozenset[str]:
+def things_of(command: Command) -> frozenset[str]:
     """Return the kinds of things that a command is about: jar and jar_1 may be the same one.
 
     {ANYTHING} for whatever is on the table, or in a hand; none for a look around.
     """
-    named = [name for field in ("source", "destination", "object") if (name := getattr(command, field, ""))]
-    if isinstance(command, cmd.LookAround):
+    if command.surveys:
         return frozenset()
-    return frozenset(name.partition("_")[0] for name in named) or frozenset({ANYTHING})
+    return frozenset(name.partition("_")[0] for name in command.things) or frozenset({ANYTHING})
 
 
 def choice_open(memory: Memory) -> bool:

@@ -7,10 +7,11 @@ import msgspec
 
 from agent_runtime.core.turn import Turn
 from companion.design import AgentName
-from companion.languages import cmd, evidence, facts, hfsm, sw
+from companion.languages import evidence, facts, hfsm, sw
 from companion.languages.cmd import TaskReport, TaskState
 from companion.languages.evidence import Evidence
 from companion.languages.facts import Fact, Facts, Kind, fact
+from companion.languages.hfsm import Place, Step
 from fipa_codec import languages
 from fipa_codec.performatives import Performative
 from services.coordinator.memory import Job
@@ -24,39 +25,7 @@ LOOKS = (fact(Kind.LOOKS_FIRST),)
 
 def network(job: Job) -> hfsm.GroundTaskNetwork:
     """Return the task network of a command, named by task and number of the plan."""
-    return hfsm.GroundTaskNetwork(f"{job.conversation}-plan{job.plans}", (job.meant or ground_task(job.command),))
-
-
-def ground_task(command: cmd.Task) -> hfsm.Task:
-    """Return the task of the planning domain for a command."""
-    match command:
-        case cmd.PourInto(source=source, destination=destination):
-            return hfsm.Task(hfsm.TaskName.POUR, (source, destination))
-        case cmd.Take(object=thing, side=side):
-            return hfsm.Task(hfsm.TaskName.TAKE, (thing, side))
-        case cmd.Bring(object=thing, side=side):
-            return hfsm.Task(hfsm.TaskName.BRING, (thing, side))
-        case cmd.SwapHands(object=thing):
-            return hfsm.Task(hfsm.TaskName.SWAP_HANDS, (thing,))
-        case cmd.PutDown(object=thing, place=""):
-            return hfsm.Task(hfsm.TaskName.PUT_DOWN, (thing,))
-        case cmd.PutDown(object=thing, place=place):
-            return hfsm.Task(hfsm.TaskName.PUT_AT, (thing, place))
-        case cmd.ClearTable():
-            return hfsm.Task(hfsm.TaskName.CLEAR_TABLE, ())
-        case cmd.LookAround():
-            return hfsm.Task(hfsm.TaskName.LOOK_AROUND, ())
-
-
-def settled(command: cmd.Task, plan: hfsm.HierarchicalPlan) -> hfsm.Task | None:
-    """Return the task that later plans are for, where this plan settled what the words mean; None for the same task.
-
-    Hands can be swapped only while one of them is full: the plan says which thing is in which hand at its end.
-    """
-    match command, tuple(plan.holds.items()):
-        case cmd.SwapHands(), ((side, thing),):
-            return hfsm.Task(hfsm.TaskName.BRING, (thing, side))
-    return None
+    return hfsm.GroundTaskNetwork(f"{job.conversation}-plan{job.plans}", (job.meant or job.command.task,))
 
 
 def report(state: TaskState, why: Facts, known: tuple[Evidence, ...] = ()) -> TaskReport:
@@ -68,35 +37,38 @@ def report(state: TaskState, why: Facts, known: tuple[Evidence, ...] = ()) -> Ta
 
 def about(kind: Kind, job: Job, *why: Fact) -> Fact:
     """Return a fact about a task."""
-    task = ground_task(job.command)
+    task = job.command.task
     return fact(kind, task.name, *filter(None, task.arguments), *why)
 
 
-def steps(plan: hfsm.HierarchicalPlan) -> tuple[str, ...]:
+def steps(plan: hfsm.HierarchicalPlan) -> tuple[Step, ...]:
     """Return what a plan does one after the other, as a person follows it: the parts with acts; cut to the budget."""
-    names = [state.name for state in plan.root.states if isinstance(state, hfsm.Machine)]
-    while sum(len(name.encode()) + 3 for name in names) > LONGEST_STEPS:
-        names.pop()
-    return tuple(names)
+    found = [state.step for state in plan.root.states if isinstance(state, hfsm.Machine) and state.step is not None]
+    while len(msgspec.msgpack.encode(found)) > LONGEST_STEPS:
+        found.pop()
+    return tuple(found)
 
 
 # --- to hi ------------------------------------------------------------------------------------------------------------
 
 
-def progress(turn: Turn, job: Job, state: TaskState, why: Facts, steps: tuple[str, ...] = (), at: str = "") -> None:
+def progress(
+    turn: Turn, job: Job, state: TaskState, why: Facts, steps: tuple[Step, ...] = (), at: Place | None = None
+) -> None:
     """Tell hi the progress of its task; not while hi is away, since a full outbox would stop co."""
     if AgentName.HI in turn.peers and turn.holds(job.conversation):
-        told = TaskReport(state, facts.fitting(why, MOST_BYTES - len(at)), steps, at)
+        room = MOST_BYTES - len(msgspec.msgpack.encode(at))
+        told = TaskReport(state, facts.fitting(why, room), steps, at, job.number(at))
         turn.say(job.conversation, Performative.INFORM, told)
 
 
 def asks(turn: Turn, job: Job, said: sw.Report) -> None:
-    """Tell hi which leaf of the plan waits for an operator, and with which hand it is done.
+    """Tell hi which leaf of the plan waits for an operator.
 
     Also while hi is away, since nothing goes on before somebody has read it: one message for each wait.
     """
     if turn.holds(job.conversation):
-        told = TaskReport(TaskState.RUNNING, at=said.at, side=said.side, asks=True)
+        told = TaskReport(TaskState.RUNNING, at=said.at, number=job.number(said.at), asks=True)
         turn.say(job.conversation, Performative.INFORM, told)
 
 

@@ -35,8 +35,9 @@ def serve(options: Options) -> int:
     def device(post: Post) -> RobotDevice:
         if why:
             post(ByRays(why))
-        telemetry = Telemetry(post, slots, Pictures(post, setup, blind=bool(why)))
-        return RobotDevice(SkillDevice(post, setup), LoopDevice(post, slots), telemetry)
+        pictures = Pictures(post, setup, blind=bool(why))
+        skills = SkillDevice(post, setup, pictures.renderer)
+        return RobotDevice(skills, LoopDevice(post, slots), Telemetry(post, slots, pictures))
 
     return shell.run(agent(), wiring(AgentName.EX, options.system), options, device)
 

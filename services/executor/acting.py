@@ -6,6 +6,7 @@ from agent_runtime.core.events import Local, Woken
 from agent_runtime.core.turn import Turn
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
+from companion.skills.loop_messages import KNOT_S, Motion, Phase
 from services.executor.local import (
     Brake,
     Crashed,
@@ -21,7 +22,6 @@ from services.executor.local import (
     Moved,
     Passing,
 )
-from services.executor.loop.program import KNOT_S, Motion, Phase
 from services.executor.memory import Memory
 
 PATIENCE = "patience"

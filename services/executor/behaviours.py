@@ -69,7 +69,7 @@ def recover_act(memory: Memory, turn: Turn) -> Memory:
 def await_act(memory: Memory, turn: Turn) -> Memory:
     """State idle: take the next act; refuse one that was started before or is impossible, and say why."""
     match turn.event:
-        case Received(content=command) as received if isinstance(command, rc.Act):
+        case Received(content=command) as received if isinstance(command, rc.Command):
             if wrong := words.wrong(command):
                 turn.log("a command makes no sense", level="warning", reason=wrong.text)
                 why = fact(Kind.BAD_COMMAND, wrong.field)

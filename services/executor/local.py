@@ -8,10 +8,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.acts import AnyAct
 from companion.eyes import Eyes
 from companion.languages import rc
 from companion.languages.facts import Facts
-from services.executor.loop.program import GripReport, Motion
+from companion.skills.loop_messages import GripReport, Motion
+from services.executor.looks import Blind, Saw, See
 from services.executor.remembered import Remembered
 
 Array = NDArray[np.float64]
@@ -93,7 +95,7 @@ class Setup(msgspec.Struct, frozen=True):
 class Perform(Message, frozen=True):
     """Run the skill of this command -> Move or Ended."""
 
-    command: rc.Act
+    command: AnyAct
     remembered: Remembered
     felt: Felt
 
@@ -171,6 +173,6 @@ class Crashed(msgspec.Struct, frozen=True, tag=True):
 
 
 ToLoop = Where | Halt | Do | GoOn | Brake
-ToSkill = Perform | Feel | Glance
-FromSkill = Move | GoOn | Brake | Ended | ByRays
+ToSkill = Perform | Feel | Glance | Saw | Blind
+FromSkill = Move | GoOn | Brake | Ended | ByRays | See
 Local = Stands | Passing | Moved | Lost | Move | GoOn | Brake | Ended | ByRays | Crashed

@@ -1,10 +1,20 @@
-"""Messages between eyes by pixels and their child process. Light to import: the child needs nothing else of ex."""
+"""Messages to and from the child process that renders. Light to import: the child needs nothing else of ex."""
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.languages.values import Uncertainty
+
+SHRINK = 2
+"""The robot's picture is smaller by this for people; estimate: 15 kB, and grains in the jar can be told apart."""
+
+
+class Show(msgspec.Struct, frozen=True, tag=True):
+    """To the child: make pictures of this state, all coordinates of the world model as float64 bytes -> Picture."""
+
+    sim_time_s: float
+    world: bytes
 
 
 class See(msgspec.Struct, frozen=True, tag=True):
@@ -41,6 +51,12 @@ class Saw(msgspec.Struct, frozen=True, tag=True):
     things: tuple[Thing, ...]
     wrong: str = ""
     off: float = 0.0
+
+
+class Blind(msgspec.Struct, frozen=True, tag=True):
+    """To who asked for a look: no child sees, and why."""
+
+    reason: str
 
 
 def uncertainty(covariance: NDArray[np.float64]) -> Uncertainty:

@@ -19,9 +19,9 @@ import numpy as np
 from agent_runtime.io.devices import Post
 from agent_runtime.io.one_reader import OneReaderQueue
 from companion.languages.facts import Facts, Kind, fact
+from companion.skills.loop_messages import FAULT, Cancel, LookAgain, Mode, Phase, Release
 from services.executor.local import Brake, Do, Felt, GoOn, Halt, Lost, Moved, Passing, Stands, ToLoop, Where
 from services.executor.loop.link import AgentLink, LoopCommand, LoopState, Told
-from services.executor.loop.program import FAULT, Cancel, LookAgain, Mode, Phase, Release
 from velma.errors import SlotError
 from velma.names import SIDES
 

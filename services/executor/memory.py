@@ -2,10 +2,11 @@
 
 import msgspec
 
+from companion.acts import AnyAct
 from companion.languages import rc
 from companion.languages.facts import Facts
+from companion.skills.loop_messages import Motion
 from services.executor.local import Felt
-from services.executor.loop.program import Motion
 from services.executor.remembered import Remembered
 
 
@@ -16,7 +17,7 @@ class Act(msgspec.Struct, frozen=True):
     """
 
     conversation: str
-    command: rc.Act
+    command: AnyAct
     begun: bool = False
     cancelling: bool = False
     broken_off: bool = False

@@ -3,21 +3,17 @@
 Where the camera is comes from the measured joints and the robot's model, never from the simulator.
 """
 
-from queue import Empty
+from collections.abc import Callable
 
 from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.one_reader import OneReaderQueue
-from agent_runtime.io.worker import Worker
+from companion.skills.sight import Neck, Sight
 from services.executor.local import Array
-from services.executor.looks import Saw, See, Thing
-from services.executor.sight import Neck, Sight
+from services.executor.looks import Blind, Saw, See, Thing
+from services.executor.renderer import ENTRY, Renderer
 from velma.kinematics.frames import pose_of
 from velma.kinematics.robot import Robot
 from velma.model.scene import Scene
-
-ENTRY = "services.executor.eye_process:serve"
-WITHIN_S, TRIES = 60.0, 2
-"""Of a look; a second child is tried. Estimate: the first takes 2 s, or 20 s on a machine with much other work."""
 
 
 class PixelReceptor:
@@ -26,52 +22,40 @@ class PixelReceptor:
     `wrong`, `off`: as of Saw, of the last look. A new child has no look to compare its first one with.
     """
 
-    def __init__(self, scene: Scene, robot: Robot | None = None) -> None:
+    def __init__(self, ask: Callable[[See], Saw | Blind], robot: Robot | None = None) -> None:
+        """`ask` waits for the answer of the child."""
         self.wrong, self.off = "", 0.0
-        self._scene, self._robot, self._looks = scene, robot or Robot(), 0
-        self._answers = OneReaderQueue[Saw | str]()
-        self._child = self._new()
+        self._ask, self._robot, self._looks = ask, robot or Robot(), 0
 
     def look(self, world: Array, neck: Neck) -> list[Sight]:
         """Return what the picture of the state `world` (nq,) shows. Raises WorkerError where no child sees, and why."""
-        reason = ""
         self._looks += 1
         eye = self._robot.camera(*neck)
         place = tuple(eye.rotation.ravel().tolist()), tuple(eye.translation.tolist())
-        for _ in range(TRIES):
-            self._child.tell(See(self._looks, world.tobytes(), *place))
-            saw = self._answer()
-            if isinstance(saw, Saw):
-                self.wrong, self.off = saw.wrong, saw.off
-                return [_sight(one) for one in saw.things]
-            reason = saw
-            self._child.kill()
-            self._child = self._new()
-        raise WorkerError(ENTRY, f"does not see: {reason}", "start with --eyes rays")
+        saw = self._ask(See(self._looks, world.tobytes(), *place))
+        if isinstance(saw, Blind):
+            raise WorkerError(ENTRY, f"does not see: {saw.reason}", "start with --eyes rays")
+        self.wrong, self.off = saw.wrong, saw.off
+        return [_sight(one) for one in saw.things]
+
+    def close(self) -> None:
+        """Nothing to close: the child is another's."""
+
+
+class OwnPixelReceptor(PixelReceptor):
+    """Eyes by pixels with a child of their own."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.renderer, self._answers = Renderer(lambda: scene), OneReaderQueue[Saw | Blind]()
+        super().__init__(self._answered)
 
     def close(self) -> None:
         """End the child."""
-        self._child.kill()
+        self.renderer.close()
 
-    def _answer(self) -> Saw | str:
-        """Return what this look showed, or why the child gives no answer."""
-        try:
-            while True:
-                match self._answers.get(WITHIN_S):
-                    case Saw(number=number) as saw if number == self._looks:
-                        return saw
-                    case str() as reason:
-                        return reason
-                    case _:  # of a look that was given up
-                        continue
-        except Empty:
-            return f"no answer within {WITHIN_S:g} s"
-
-    def _new(self) -> Worker:
-        self._answers = answers = OneReaderQueue[Saw | str]()
-        child = Worker(ENTRY, answers=Saw, on_message=answers.put, on_end=answers.put)
-        child.tell(self._scene)
-        return child
+    def _answered(self, see: See) -> Saw | Blind:
+        self.renderer.look(see, self._answers.put)
+        return self._answers.get()
 
 
 def _sight(one: Thing) -> Sight:

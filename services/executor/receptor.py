@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from companion.skills.sight import Neck, Sight
 from services.executor.looks import uncertainty
-from services.executor.sight import Neck, Sight
 from velma import names
 from velma.eyes import content
 from velma.eyes.lens import HALF_HEIGHT, HALF_WIDTH

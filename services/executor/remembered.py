@@ -10,12 +10,13 @@ from msgspec.structs import replace
 from companion.languages import rc, rs
 from companion.languages.facts import Facts
 from companion.languages.values import BodyPosture, Pose, Side
+from companion.skills.unfinished import Unfinished
 
 
 class Holding(msgspec.Struct, frozen=True):
     """The object in a hand: by which grasp, its pose in the hand (T_grip_object), the mass that is fed forward [kg].
 
-    `steady`, `apart`, `slipped`: as of services.executor.skills.situation.Held.
+    `steady`, `apart`, `slipped`: as of companion.skills.situation.Held.
     """
 
     object: str
@@ -27,26 +28,14 @@ class Holding(msgspec.Struct, frozen=True):
     slipped: bool = False
 
 
-class Unfinished(msgspec.Struct, frozen=True):
-    """A pour that was begun: into which thing, and what the hand felt of the source [kg].
-
-    `full`: the mass before the tilt, with what had left in earlier tilts; None: it was not felt. `left`: the mass that
-    left in all tilts, None while the last one has not been weighed. `had`: the mass seen in the destination before.
-    """
-
-    destination: str
-    full: float | None
-    left: float | None = None
-    had: float = 0.0
-
-
 class Remembered(msgspec.Struct, frozen=True):
     """`q`: set-points of torso, right arm, left arm (15,) [rad], () before the first message of the loop.
 
     `fingers`: angle per side [rad]. `seen`: last pose of each thing in the world (of a held one: before it was taken).
     `placed`: things that a hand let go of and that were not seen since, by id the time [s]; `seen` has where.
-    `unfinished`: pours that were begun and not ended, by source. `time`: simulated [s]. `epoch`: name of the simulated
-    world in which all that is so, "" of a real one. `ill`: sensors whose readings could not be true at the last look.
+    `unfinished`: moves of content that were begun and not ended, by source. `time`: simulated [s]. `epoch`: name of the
+    simulated world in which all that is so, "" of a real one. `ill`: sensors whose readings could not be true at the
+    last look.
     """
 
     q: tuple[float, ...] = ()

@@ -11,14 +11,14 @@ import numpy as np
 from companion.eyes import Eyes
 from companion.languages import rc
 from companion.models import KNOWN_AS
+from companion.skills.loop_messages import Cancel, LookAgain, Motion, Phase
+from companion.skills.performing import Performance
+from companion.skills.sight import Eye
+from companion.skills.skill import Asked, Sensed
 from services.executor.local import Array
 from services.executor.loop.core import LoopCore
-from services.executor.loop.program import Cancel, LookAgain, Motion, Phase
-from services.executor.pixel_receptor import PixelReceptor
+from services.executor.pixel_receptor import OwnPixelReceptor
 from services.executor.receptor import Receptor
-from services.executor.sight import Eye
-from services.executor.skills.performing import Performance
-from services.executor.skills.skill import Asked, Sensed
 from velma.model.markers import of_scene
 from velma.model.scene import Scene
 from velma.names import TORSO
@@ -38,7 +38,7 @@ def markers(scene: Scene) -> dict[str, Array]:
 def receptor(scene: Scene, eyes: Eyes = Eyes.RAYS) -> Eye:
     """Return the eyes for a scene, with their own copy of the world."""
     if eyes is Eyes.PIXELS:
-        return PixelReceptor(scene)
+        return OwnPixelReceptor(scene)
     return Receptor(compiled(scene), {thing.id: thing.model for thing in scene.things}, scene.noise)
 
 

@@ -4,46 +4,49 @@ Between acts it keeps only what is slow to make (robot model, copy of the world)
 remembers, so a new process goes on where the old one died.
 """
 
+from collections import deque
 from collections.abc import Callable
 
 import numpy as np
 
 from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.worker import Link
+from companion.acts import ACTS
+from companion.eyes import Eyes
 from companion.languages import rc, rs
 from companion.languages.values import Pose, Side
+from companion.skills.loop_messages import Cancel, LookAgain, Motion
+from companion.skills.performing import perform
+from companion.skills.sight import Eye, Neck, Sight
+from companion.skills.situation import Held, Situation, beginning
+from companion.skills.skill import Asked, Sensed
 from services.executor import simulation
 from services.executor.acting import duration
-from services.executor.local import Array, Brake, ByRays, Ended, Felt, GoOn, Move, Perform, Setup, ToSkill
-from services.executor.loop.program import Cancel, LookAgain, Motion
+from services.executor.local import Array, Brake, ByRays, Ended, Feel, Felt, Glance, GoOn, Move, Perform, Setup, ToSkill
+from services.executor.looks import Blind, Saw, See
+from services.executor.pixel_receptor import PixelReceptor
 from services.executor.remembered import Holding, Remembered
-from services.executor.sight import Eye, Neck, Sight
-from services.executor.skills.performing import perform
-from services.executor.skills.situation import Held, Situation, beginning
-from services.executor.skills.skill import Asked, Sensed
 from services.executor.world import scene_of
 from velma import names
 from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
 
-# Duration of an act beside its first motion [s, simulated]; estimates, used only for time-outs.
-REST_S = {rc.Grasp: 12.0, rc.Release: 20.0, rc.Pour: 30.0, rc.OpenDoor: 20.0, rc.Look: 15.0, rc.MoveCartesian: 5.0}
-
 
 class Stage:
     """Objects kept between acts: the robot model, the receptor, the model of each marked thing."""
 
-    def __init__(self, setup: Setup, tell: Callable[[ByRays], None]) -> None:
-        """`tell` takes the word that its eyes are others now."""
+    def __init__(self, setup: Setup, tell: Callable[[ByRays], None], ask: Callable[[See], Saw | Blind]) -> None:
+        """`tell` takes the word that its eyes are others now; `ask` waits for a look by pixels."""
         self._scene, self._tell = scene_of(setup), tell
         self.robot = Robot()
         self.things, self.markers = simulation.things(self._scene), simulation.markers(self._scene)
-        self.eye: Eye = simulation.receptor(self._scene, setup.eyes)
+        by_pixels = setup.eyes is Eyes.PIXELS
+        self.eye: Eye = PixelReceptor(ask, self.robot) if by_pixels else simulation.receptor(self._scene)
 
     def situation(self, kept: Remembered, felt: Felt) -> Situation:
         """Return what ex knows at the start of an act."""
         here = beginning(self.robot, dict(self.things), self.markers)
-        here.q, here.head, here.time = felt.setpoint().copy(), felt.head, felt.time
+        here.stand(felt.setpoint(), felt.head, felt.fingers, felt.time)
         for name, seen in kept.seen.items():
             here.place(name, transform(seen.pose))
             if seen.content is not None:
@@ -124,13 +127,33 @@ def remembered(here: Situation, epoch: str) -> Remembered:
 
 def serve(link: Link) -> None:
     """Run one act after the other until the agent is gone."""
-    stage = Stage(link.recv(Setup), link.send)
-    word = link.recv(ToSkill)
+    words = Words(link)
+    stage = Stage(link.recv(Setup), link.send, words.looked)
+    word = words.next()
     while True:
-        word = _act(link, stage, word) if isinstance(word, Perform) else link.recv(ToSkill)
+        word = _act(link, words, stage, word) if isinstance(word, Perform) else words.next()
 
 
-def _act(link: Link, stage: Stage, word: Perform) -> ToSkill:
+class Words:
+    """What the agent says, one word after the other; a look is answered before what was said meanwhile."""
+
+    def __init__(self, link: Link) -> None:
+        self._link, self._meanwhile = link, deque[ToSkill]()
+
+    def next(self) -> ToSkill:
+        """Return the next word."""
+        word: ToSkill = self._meanwhile.popleft() if self._meanwhile else self._link.recv(ToSkill)
+        return word
+
+    def looked(self, see: See) -> Saw | Blind:
+        """Ask for a look, and wait for it."""
+        self._link.send(see)
+        while not isinstance(word := self._link.recv(ToSkill), Saw | Blind):
+            self._meanwhile.append(word)
+        return word
+
+
+def _act(link: Link, words: Words, stage: Stage, word: Perform) -> ToSkill:
     """Run one skill; return the first message that does not belong to it."""
     here = stage.situation(word.remembered, word.felt)
     work = perform(here, word.command)
@@ -150,15 +173,14 @@ def _act(link: Link, stage: Stage, word: Perform) -> ToSkill:
         asked = next(work)
         while True:
             link.send(told(asked))
-            reply: ToSkill = link.recv(ToSkill)
-            if isinstance(reply, Perform) or reply.number != word.number:
+            reply = words.next()
+            if not isinstance(reply, Feel | Glance) or reply.number != word.number:
                 return reply
             asked = work.send(stage.sensed(reply.felt))
     except StopIteration as stop:
         link.send(Ended(word.number, stop.value, kept(), here.refused))
-    following: ToSkill = link.recv(ToSkill)
-    return following
+    return words.next()
 
 
-def _expected(command: rc.Act, motion: Motion) -> float:
-    return duration(motion) + REST_S.get(type(command), 2.0)
+def _expected(command: rc.Command, motion: Motion) -> float:
+    return duration(motion) + ACTS[type(command)].rest_s

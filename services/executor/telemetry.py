@@ -12,9 +12,9 @@ from pathlib import Path
 import msgspec
 
 from agent_runtime.io.devices import Post
+from companion.skills.loop_messages import Phase
 from companion.telemetry import RATE_HZ, Lateness, RobotState
 from services.executor.loop.link import AgentLink, LoopState, Timing, Told
-from services.executor.loop.program import Phase
 from services.executor.pictures import Pictures
 from velma.errors import SlotError
 
@@ -107,6 +107,7 @@ def robot_state(state: LoopState, told: Told, timing: Timing, skill: str) -> Rob
         faults=state.faults,
         last_fault=state.last_fault,
         saturated=state.saturated,
+        page_faults=timing.page_faults,
     )
 
 

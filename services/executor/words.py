@@ -31,12 +31,12 @@ class Wrong(NamedTuple):
     text: str
 
 
-def wrong(command: rc.Act) -> Wrong | None:
+def wrong(command: rc.Command) -> Wrong | None:
     """Return the first thing that is wrong with a command, before anything is computed; None if nothing is."""
     return next(_complaints(command), None)
 
 
-def _complaints(command: rc.Act) -> Iterator[Wrong]:
+def _complaints(command: rc.Command) -> Iterator[Wrong]:
     for field, why in _NOT_EMPTY.items():
         if not getattr(command, field, True):
             yield Wrong(field, f"{field} is empty, {why}")

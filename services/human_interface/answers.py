@@ -5,17 +5,19 @@ Pure. Must not know: HTTP, the grammar.
 
 from collections.abc import Callable
 
+from companion import commands
 from companion.languages.cmd import TaskState
 from companion.languages.facts import Kind, fact
 from companion.sentences import person, state
-from services.human_interface.catalogue import say
+from services.human_interface.catalogue import can, say
 from services.human_interface.memory import Memory
+from services.human_interface.wishes import in_words
 
 
 def _see(memory: Memory, language: str) -> str:
     seen = memory.context.seen
     if seen is None:
-        return say(language, "not_seen")
+        return say(language, "not_seen", in_words((commands.survey(),), language))
     return say(language, "seen", person((fact(Kind.SEEN, *seen) if seen else fact(Kind.SEEN_NOTHING),), language))
 
 
@@ -33,7 +35,7 @@ def _why(memory: Memory, language: str) -> str:
 
 
 def _help(memory: Memory, language: str) -> str:
-    return say(language, "understood", say(language, "can"))
+    return say(language, "understood", can(language))
 
 
 def _stopping(memory: Memory, language: str) -> str:
@@ -41,7 +43,7 @@ def _stopping(memory: Memory, language: str) -> str:
 
 
 def _greet(memory: Memory, language: str) -> str:
-    return say(language, "greet", say(language, "can"))
+    return say(language, "greet", can(language))
 
 
 ANSWERS: dict[str, Callable[[Memory, str], str]] = {

@@ -21,7 +21,7 @@ from services.human_interface import answers, local, offers, words
 from services.human_interface.catalogue import LANGUAGES, say
 from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
 from services.human_interface.memory import CONDITIONS, FINAL, Memory, News
-from services.human_interface.wishes import Act, Ask, Tell, in_words, outcome, things_of, with_mentioned
+from services.human_interface.wishes import Act, Ask, Tell, in_words, outcome, with_mentioned, without
 from services.human_interface.words import REACHABLE, UNREACHABLE
 
 ANSWER_WITHIN_S = (
@@ -75,10 +75,14 @@ def _after(memory: Memory, turn: Turn, *news: News) -> Memory:
             if said.kind in (Kind.SEEN, Kind.SEEN_NOTHING):
                 memory = memory.with_context(seen=said.things)
         if one.state in FINAL:
+            given = [thing for task, thing in memory.gives if task == one.task]
+            if given and one.state == TaskState.DONE:
+                memory = replace(memory, context=without(memory.context, *given))
             later = [name for name, before in memory.follows if before == one.task]
             follows = tuple(pair for pair in memory.follows if pair[1] != one.task)
             looks = tuple(name for name in memory.looks if name != one.task)
-            memory = replace(memory, follows=follows, looks=looks)
+            gives = tuple(pair for pair in memory.gives if pair[0] != one.task)
+            memory = replace(memory, follows=follows, looks=looks, gives=gives)
             for name in later if one.state != TaskState.DONE else ():
                 _, memory = _cancel(memory, turn, name)
     return memory
@@ -172,7 +176,7 @@ def _timed(found: Act | Ask | Tell, word: Said, now: float) -> Act | Ask | Tell:
     return found
 
 
-def _wanted(task: cmd.Task, word: Said, now: float) -> cmd.Task:
+def _wanted(task: cmd.Command, word: Said, now: float) -> cmd.Command:
     """The task with urgency, deadline and time to begin of what was said, where something was said of them."""
     if word.urgency:
         task = replace(task, urgency=word.urgency)
@@ -187,7 +191,7 @@ def _told(memory: Memory, turn: Turn, word: Said, state: str, text: str, replies
     return memory.with_news(News(AgentName.HI, state, text))
 
 
-def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Task, ...]) -> Memory:
+def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Command, ...]) -> Memory:
     """Request new tasks, unless the robot is stopped or co is not there."""
     if word.held:
         return _told(memory, turn, word, REFUSED, STAYS_HELD)
@@ -209,7 +213,7 @@ def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Task, ...]) ->
     return memory.hearing(word, replace(line, text=say(word.meaning.language, "again", text)))
 
 
-def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Task) -> tuple[Memory, str]:
+def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Command) -> tuple[Memory, str]:
     """Request a task. Return the memory and the name of the task."""
     name = words.ask(turn, task)
     turn.wake(name, turn.now + ANSWER_WITHIN_S)
@@ -217,13 +221,15 @@ def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Task) -> tuple[Me
     wish = InWords(in_words((task,)), in_words((task,), "pl"))
     line = TaskLine(name, TaskState.WAITING, text, word.text, turn.now, wish=wish)
     memory = memory.with_task(replace(line, urgency=task.urgency, deadline=task.deadline))
-    memory = memory.with_context(mentioned=with_mentioned(memory.context.mentioned, *things_of(task)))
-    if isinstance(task, cmd.LookAround):
+    memory = memory.with_context(mentioned=with_mentioned(memory.context.mentioned, *task.things))
+    if task.surveys:
         memory = replace(memory, looks=(*memory.looks, name))
+    if task.gives:
+        memory = replace(memory, gives=(*memory.gives, *((name, thing) for thing in task.things)))
     return memory.with_news(News(AgentName.HI, "asked", text, name)), name
 
 
-def _i_will(tasks: tuple[cmd.Task, ...], word: Said, now: float) -> str:
+def _i_will(tasks: tuple[cmd.Command, ...], word: Said, now: float) -> str:
     """Return a sentence that says what will be done, in which order, from when on and until when."""
     language = word.meaning.language
     text = in_words(tasks, language)
@@ -325,8 +331,10 @@ def _reported(line: TaskLine, said: cmd.TaskReport, text: str, now: float) -> Ta
         line = replace(line, text=text, why=said.why)
     if line.state != said.state:
         line = replace(line, state=said.state, since=now)
-    asks, accepted = said.at if said.asks else "", line.accepted or said.state != TaskState.FAILED
-    return replace(line, steps=steps, at=said.at, asks=asks, evidence=said.evidence, accepted=accepted)
+    asks = said.at.id if said.asks and said.at is not None else ""
+    accepted = line.accepted or said.state != TaskState.FAILED
+    line = replace(line, steps=steps, at=said.at, number=said.number, asks=asks)
+    return replace(line, evidence=said.evidence, accepted=accepted)
 
 
 def agent() -> Agent[Memory]:

@@ -1,6 +1,6 @@
-"""The catalogue of what people may say: catalogue.toml as typed rows.
+"""The catalogue of what people may say: catalogue.toml as typed rows, with those of the tasks.
 
-Must not know: how sentences are parsed, HTTP, tasks.
+Must not know: how sentences are parsed, HTTP.
 """
 
 import re
@@ -8,7 +8,10 @@ from importlib import resources
 
 import msgspec
 
+from companion import commands
+from companion.commands import Make, Wish
 from companion.letters import fold
+from companion.sentences import Reader, catalogue
 
 LANGUAGES = ("en", "pl")
 
@@ -25,14 +28,6 @@ class KindOfThing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     can: tuple[str, ...] = ()
     covers: tuple[str, ...] = ()
     to: dict[str, str] = {}
-
-
-class WishRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row [[wish]]: what hi makes of sentences of these patterns."""
-
-    does: str
-    en: tuple[str, ...]
-    pl: tuple[str, ...]
 
 
 class TimeRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -60,8 +55,7 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     side: dict[str, dict[str, str]]
     thing: tuple[KindOfThing, ...]
     rule: dict[str, dict[str, str]]
-    wish: tuple[WishRow, ...]
-    say: dict[str, dict[str, str]]
+    wish: tuple[Wish, ...]
 
 
 def phrases(text: str) -> tuple[tuple[str, ...], ...]:
@@ -72,8 +66,19 @@ def phrases(text: str) -> tuple[tuple[str, ...], ...]:
 
 CATALOGUE = msgspec.toml.decode(resources.files(__package__).joinpath("catalogue.toml").read_bytes(), type=Catalogue)
 THINGS = {one.name: one for one in CATALOGUE.thing}
+TASKS = {wish.does: wish for _, wish in commands.wishes()}
+"""The wishes for tasks, by rank."""
+WISHES = (*TASKS.values(), *CATALOGUE.wish)
+MAKE: dict[str, Make] = {wish.does: commands.maker(row, wish) for row, wish in commands.wishes()}
+RULES = {language: commands.table("rule", language, CATALOGUE.rule[language]) for language in LANGUAGES}
+SAY = {language: commands.table("say", language, catalogue(Reader(language)).hi) for language in LANGUAGES}
 
 
-def say(language: str, row: str, *parts: object) -> str:
-    """Return a sentence of hi's."""
-    return CATALOGUE.say[language][row].format(*parts)
+def say(language: str, row: str, *parts: object, **named: object) -> str:
+    """Return a sentence of hi's, or of a task."""
+    return SAY[language][row].format(*parts, **named)
+
+
+def can(language: str) -> str:
+    """Return the list of what is understood."""
+    return say(language, "can", "; ".join(wish.can[language] for wish in TASKS.values() if wish.can))

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from companion.letters import fold
 from services.human_interface import times
-from services.human_interface.catalogue import CATALOGUE, LANGUAGES, phrases
+from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, WISHES, phrases
 from services.human_interface.meaning import Clause, Meaning, Thing
 
 MOST_CHARACTERS = 200
@@ -82,16 +82,18 @@ def _alternatives(text: str) -> str:
 def _rules(language: str) -> Iterator[str]:
     """The rules of a language."""
     groups = _Groups(language)
-    for at, row in enumerate(CATALOGUE.wish):
-        patterns = {f"form_{language}_{at}_{n}": one for n, one in enumerate(getattr(row, language))}
-        yield f"wish_{language}_{at}: {' | '.join(patterns)}"
+    wishes = {f"wish_{language}_{at}": getattr(row, language) for at, row in enumerate(WISHES)}
+    lacking = {f"lack_{language}_{at}": row.lacking[language] for at, row in enumerate(WISHES) if row.lacking}
+    for wish, texts in (wishes | lacking).items():
+        patterns = {f"form_{wish}_{n}": one for n, one in enumerate(texts)}
+        yield f"{wish}: {' | '.join(patterns)}"
         yield from (f"{name}: {groups.pattern(one)}" for name, one in patterns.items())
-    yield f"clause_{language}: {' | '.join(f'wish_{language}_{at}' for at in range(len(CATALOGUE.wish)))}"
+    yield f"clause_{language}: {' | '.join(wishes | lacking)}"
     yield f"joining_{language}: {_alternatives(CATALOGUE.joining[language])}"
     yield f"sep_{language}: COMMA | COMMA? joining_{language} COMMA?"
     more = f"(sep_{language} clause_{language})"  # one more than are taken is told, further ones cost time alone
     yield f"all_{language}: clause_{language} {more}~0..{MOST_WISHES}"
-    for name, text in CATALOGUE.rule[language].items():
+    for name, text in RULES[language].items():
         yield f"{name.lower()}_{language}: {groups.pattern(text)}"
     for side, words in CATALOGUE.side.items():
         yield f"{side}_{language}: {_alternatives(words[language])}"
@@ -263,7 +265,7 @@ def _parsed_in(language: str, words: tuple[str, ...]) -> Meaning | None:
 
 def _clause(tree: Tree[Token]) -> Clause:
     wish: Any = tree.children[0]
-    row = CATALOGUE.wish[int(str(wish.data).rpartition("_")[2])]
+    row = WISHES[int(str(wish.data).rpartition("_")[2])]
     things, side, task = [], "", ""
     for part in _parts(wish):
         if isinstance(part, Token):
@@ -272,7 +274,7 @@ def _clause(tree: Tree[Token]) -> Clause:
             things.append(_thing(part))
         elif part.data.startswith("side_"):
             side = str(part.children[0].data).partition("_")[0]
-    return Clause(row.does, tuple(things), side, task)
+    return Clause(row.does, tuple(things), side, task, lacks=wish.data.startswith("lack_"))
 
 
 def _parts(tree: Any) -> Iterator[Any]:

@@ -20,12 +20,16 @@ class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Clause(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One wish or question: a row of the catalogue, and what was named in it, in the order of the words."""
+    """One wish or question: a row of the catalogue, and what was named in it, in the order of the words.
+
+    `lacks`: something that the wish needs was left out.
+    """
 
     does: str
     things: tuple[Thing, ...] = ()
     side: str = ""
     task: str = ""
+    lacks: bool = False
 
 
 class When(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -59,7 +59,8 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     """`words`: not interpreted yet; `news`: not told yet; `told`: number of events; `away`: people know it.
 
     `context`: things and the look around that were mentioned; `asked`: open questions; `heard`: sentences of the last
-    seconds; `looks`: tasks that look around; `follows`: pairs of a task and the one said before it, which it needs.
+    seconds; `looks`: tasks that look around; `gives`: pairs of a task and a thing that a person has once it is done;
+    `follows`: pairs of a task and the one said before it, which it needs.
     """
 
     tasks: tuple[TaskLine, ...] = ()
@@ -71,6 +72,7 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     asked: tuple[Asked, ...] = ()
     heard: tuple[Heard, ...] = ()
     looks: tuple[str, ...] = ()
+    gives: tuple[tuple[str, str], ...] = ()
     follows: tuple[tuple[str, str], ...] = ()
 
     def task(self, name: str) -> TaskLine | None:

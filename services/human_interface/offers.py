@@ -1,14 +1,16 @@
 """Sentences that could be said now: what can be done with the things that were seen, or talked of.
 
-Each is understood as it is written, so that who clicks it has said it. Pure. Must not know: HTTP, tasks.
+Each is understood as it is written, so that who clicks it has said it. Pure. Must not know: HTTP.
 """
 
+import itertools
 from collections.abc import Iterator
 
-from companion.languages import cmd
+from companion.all_languages import AnyCommand
+from companion.commands import Offer
 from companion.run_files import InWords, Wish
-from services.human_interface.catalogue import THINGS
-from services.human_interface.wishes import Context, Option, called, in_words
+from services.human_interface.catalogue import MAKE, TASKS, THINGS
+from services.human_interface.wishes import Context, Option, called, in_words, kind_of
 
 YES, NO = {"en": "yes", "pl": "tak"}, {"en": "no", "pl": "nie"}
 MOST_THINGS = 6
@@ -25,15 +27,14 @@ def wishes(context: Context) -> tuple[Wish, ...]:
     )
 
 
-def _about(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, cmd.Task]]:
-    """Yield what can be done with a thing: the verb and the task."""
-    yield "take", cmd.Take(name)
-    yield "bring", cmd.Bring(name)
-    yield "put", cmd.PutDown(name)
-    yield "back", cmd.PutDown(name, cmd.BACK)
-    for into in things:
-        if into != name and all("pour" in THINGS[_kind(one)].can for one in (name, into)):
-            yield "pour", cmd.PourInto(name, into)
+def _about(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, AnyCommand]]:
+    """Yield what can be done with a thing, and others beside it: the name of the wish, and the task."""
+    for does, wish in TASKS.items():
+        if wish.offer is Offer.THINGS:
+            others = itertools.permutations([one for one in things if one != name], len(wish.uses) - 1)
+            for names in ((name, *rest) for rest in others):
+                if all(use in THINGS[kind_of(one)].can for one, use in zip(names, wish.uses, strict=True)):
+                    yield does, MAKE[does](names, "")
 
 
 def replies(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
@@ -43,12 +44,9 @@ def replies(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
 
 
 def _things(context: Context) -> tuple[str, ...]:
-    """The things that can be taken, the only one of its kind without a number."""
-    seen = tuple(name for name in context.seen or () if _kind(name) in THINGS and "take" in THINGS[_kind(name)].can)
-    kinds = [_kind(name) for name in seen]
-    named = tuple(name if kinds.count(_kind(name)) > 1 else _kind(name) for name in seen)
-    return tuple(dict.fromkeys((*named, *(name for name in context.mentioned if _kind(name) not in kinds))))
-
-
-def _kind(name: str) -> str:
-    return name.partition("_")[0]
+    """The things that something is offered for, the only one of its kind without a number."""
+    uses = {wish.uses[0] for wish in TASKS.values() if wish.offer is Offer.THINGS}
+    seen = tuple(name for name in context.seen or () if kind_of(name) in THINGS and uses & {*THINGS[kind_of(name)].can})
+    kinds = [kind_of(name) for name in seen]
+    named = tuple(name if kinds.count(kind_of(name)) > 1 else kind_of(name) for name in seen)
+    return tuple(dict.fromkeys((*named, *(name for name in context.mentioned if kind_of(name) not in kinds))))

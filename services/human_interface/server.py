@@ -27,7 +27,7 @@ from companion.stop_words import calls_for_help, stop_words
 from fipa_codec.communicate import number_of
 from services.human_interface import doorstep, times
 from services.human_interface.board import Board
-from services.human_interface.catalogue import say
+from services.human_interface.catalogue import can, say
 from services.human_interface.grammar import prepare, understand
 from services.human_interface.local import Answer, CancelWanted, Halted, Said, StopRobot
 from services.human_interface.robot import NOT_HELD_HERE, OUT_OF_REACH, Robot
@@ -175,9 +175,7 @@ class _Request(http.server.BaseHTTPRequestHandler):
         if stop_words(text, self.server.board.tasks().answers(said.asker, now)):
             line = self.server.hold(True, text)
             language = calls_for_help(text)
-            return (
-                msgspec.structs.replace(line, text=say(language, "helped", say(language, "can"))) if language else line
-            )
+            return msgspec.structs.replace(line, text=say(language, "helped", can(language))) if language else line
         with self._room():
             meaning = understand(text)
             ticket = self.server.board.ticket()

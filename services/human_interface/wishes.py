@@ -4,21 +4,14 @@ An act only if every thing in it is known; where two things fit, or a word is gu
 the options that were offered are kept for the answer. Pure. Must not know: HTTP, how tasks are carried out.
 """
 
-from collections.abc import Callable
-
 import msgspec
 
-from companion.languages import cmd
-from services.human_interface.catalogue import THINGS, say
+from companion.all_languages import AnyCommand
+from companion.commands import Offer
+from services.human_interface.catalogue import MAKE, TASKS, THINGS, can, say
 from services.human_interface.grammar import MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
 from services.human_interface.meaning import Clause, Meaning, Thing
 
-EXAMPLE = {
-    "en": {"pour": "pour the jar into the bowl", "take": "take the jar"},
-    "pl": {"pour": "wlej zawartość słoika do miski", "take": "weź słoik"},
-}
-USE = {"pour": ("pour", "pour"), "fill": ("pour", "pour"), "place": ("take", "put")}
-"""Uses that the things of a wish must be good for (catalogue: can), by wish; else one is taken."""
 MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estimate)
 
 
@@ -26,7 +19,7 @@ class Option(msgspec.Struct, frozen=True):
     """An answer that was offered: the name of the thing it is about, and the tasks that it stands for."""
 
     thing: str
-    tasks: tuple[cmd.Task, ...]
+    tasks: tuple[AnyCommand, ...]
 
 
 class Context(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -42,7 +35,7 @@ class Context(msgspec.Struct, frozen=True, omit_defaults=True):
 class Act(msgspec.Struct, frozen=True):
     """Ask co for these tasks, in this order."""
 
-    tasks: tuple[cmd.Task, ...]
+    tasks: tuple[AnyCommand, ...]
 
 
 class Ask(msgspec.Struct, frozen=True):
@@ -75,7 +68,7 @@ def outcome(meaning: Meaning, context: Context) -> Outcome:
     language, clauses = meaning.language, meaning.clauses
     if not clauses:
         return Ask(_not_understood(meaning))
-    if any(clause.does not in MAKE for clause in clauses):
+    if any(clause.does not in MAKE or clause.lacks for clause in clauses):
         return _without_task(meaning, context)
     try:
         tasks = _tasks(clauses, context, language)
@@ -92,21 +85,21 @@ def _without_task(meaning: Meaning, context: Context) -> Outcome:
     clause = clauses[0]
     if len(clauses) > 1:
         return Ask(_not_understood(Meaning(language, why="sorry")))
+    if clause.lacks:
+        return Ask(say(language, "lacking", TASKS[clause.does].example[language]))
     if clause.does == "the":
         return _named(meaning, context)
     if clause.does == "yes":
         return Act(context.options[0].tasks) if len(context.options) == 1 else Ask(_unasked(language, context))
     if clause.does == "no":
         return Ask(say(language, "not_then")) if context.options else Tell("stop")
-    if clause.does == "lacking":
-        return Ask(say(language, "lacking", EXAMPLE[language]["pour" if clause.things else "take"]))
     if meaning.guessed:
         return Ask(_not_understood(Meaning(language, why="sorry")))
     return Tell(clause.does, clause.task)
 
 
 def _named(meaning: Meaning, context: Context) -> Outcome:
-    """Return the outcome of a thing's name alone: the option offered under that name, or the wish to have it."""
+    """Return the outcome of a thing's name alone: the option offered under that name, or the first wish for a thing."""
     thing, language = meaning.clauses[0].things[0], meaning.language
     if thing.quality or thing.ref or len(thing.kinds) != 1 or meaning.guessed:
         return Ask(_not_understood(Meaning(language, why="sorry", strange="" if thing.kinds else thing.said)))
@@ -114,7 +107,11 @@ def _named(meaning: Meaning, context: Context) -> Outcome:
     for option in context.options:
         if option.thing == name:
             return Act(option.tasks)
-    return Ask(say(language, "mean", in_words((cmd.Take(name),), language)), (Option(name, (cmd.Take(name),)),))
+    tasks = (MAKE[_FIRST]((name,), ""),)
+    return Ask(say(language, "mean", in_words(tasks, language)), (Option(name, tasks),))
+
+
+_FIRST = next(name for name, wish in TASKS.items() if wish.offer is Offer.THINGS and len(wish.uses) == 1)
 
 
 def _unasked(language: str, context: Context) -> str:
@@ -131,20 +128,23 @@ def _not_understood(meaning: Meaning) -> str:
     elif meaning.why == "many":
         first = say(language, "many", MOST_WISHES)
     strange = f" {say(language, 'strange', meaning.strange)}" if meaning.strange else ""
-    return f"{first}{strange} {say(language, 'understood', say(language, 'can'))}"
+    return f"{first}{strange} {say(language, 'understood', can(language))}"
 
 
 # --- things -----------------------------------------------------------------------------------------------------------
 
 
-def _tasks(clauses: tuple[Clause, ...], context: Context, language: str) -> tuple[cmd.Task, ...]:
+def _tasks(clauses: tuple[Clause, ...], context: Context, language: str) -> tuple[AnyCommand, ...]:
     """The tasks of all clauses; what one of them names, the next one can call it."""
-    tasks: list[cmd.Task] = []
+    tasks: list[AnyCommand] = []
     mentioned = context.mentioned
     for clause in clauses:
-        uses = zip(clause.things, USE.get(clause.does, ("take",)), strict=False)
-        names = tuple(_thing(thing, use, mentioned, context.seen or (), language) for thing, use in uses)
-        tasks.append(MAKE[clause.does](clause, names, language))
+        uses = TASKS[clause.does].uses[: len(clause.things)]
+        named = zip(clause.things, uses, strict=True)
+        names = tuple(_thing(thing, use, mentioned, context.seen or (), language) for thing, use in named)
+        if len(set(zip(names, uses, strict=True))) < len(names):
+            raise _Doubt(clause.things[1], say(language, f"itself_{uses[1]}", called(names[1], language)))
+        tasks.append(MAKE[clause.does](names, clause.side))
         mentioned = with_mentioned(mentioned, *names)
     return tuple(tasks)
 
@@ -152,6 +152,22 @@ def _tasks(clauses: tuple[Clause, ...], context: Context, language: str) -> tupl
 def with_mentioned(before: tuple[str, ...], *names: str) -> tuple[str, ...]:
     """Return the things that were talked of, these first."""
     return tuple(dict.fromkeys((*names, *before)))[:MOST_MENTIONED]
+
+
+def without(context: Context, *things: str) -> Context:
+    """Return the context without these things. If one thing of a kind was seen, the name of the kind means it."""
+    seen = context.seen or ()
+    kinds = [kind_of(name) for name in seen]
+    only = {kind_of(name): name for name in seen if kinds.count(kind_of(name)) == 1}
+    gone = {only.get(name, name) for name in things}
+    mentioned = tuple(name for name in context.mentioned if only.get(name, name) not in gone)
+    kept = None if context.seen is None else tuple(name for name in seen if name not in gone)
+    return msgspec.structs.replace(context, seen=kept, mentioned=mentioned)
+
+
+def kind_of(name: str) -> str:
+    """Return the kind in the name of a thing: "jar" of "jar_2"."""
+    return name.partition("_")[0]
 
 
 def _thing(thing: Thing, use: str, mentioned: tuple[str, ...], seen: tuple[str, ...], language: str) -> str:
@@ -181,7 +197,7 @@ def _referred(thing: Thing, mentioned: tuple[str, ...], fit: tuple[str, ...], la
         raise _Doubt(thing, say(language, "one"), fit)
     at = 0 if thing.ref == "it" else 1
     meant = thing.kinds or fit
-    known = tuple(name for name in mentioned if name.partition("_")[0] in fit and name.partition("_")[0] in meant)
+    known = tuple(name for name in mentioned if kind_of(name) in fit and kind_of(name) in meant)
     if len(known) <= at:
         raise _Doubt(thing, say(language, "name_it", thing.said), thing.kinds or fit)
     return known[at]
@@ -207,74 +223,36 @@ def _asked(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
     elif options:
         question = say(language, "which", ", ".join(called(option.thing, language) for option in options))
     else:
-        question = say(language, "understood", say(language, "can"))
+        question = say(language, "understood", can(language))
     return Ask(f"{doubt.text} {question}".strip(), tuple(options))
 
 
 # --- tasks ------------------------------------------------------------------------------------------------------------
 
 
-def _pour(clause: Clause, names: tuple[str, ...], language: str) -> cmd.Task:
-    source, destination = names if clause.does == "pour" else names[::-1]
-    if source == destination:
-        raise _Doubt(clause.things[1], say(language, "itself", called(source, language)))
-    return cmd.PourInto(source, destination)
-
-
-MAKE: dict[str, Callable[[Clause, tuple[str, ...], str], cmd.Task]] = {
-    "pour": _pour,
-    "fill": _pour,
-    "take": lambda clause, names, language: cmd.Take(names[0], clause.side),
-    "bring": lambda clause, names, language: cmd.Bring(names[0], clause.side),
-    "swap": lambda clause, names, language: cmd.SwapHands(*names),
-    "put": lambda clause, names, language: cmd.PutDown(names[0]),
-    "place": lambda clause, names, language: cmd.PutDown(*names),
-    "back": lambda clause, names, language: cmd.PutDown(names[0], cmd.BACK),
-    "clear": lambda clause, names, language: cmd.ClearTable(),
-    "look": lambda clause, names, language: cmd.LookAround(),
-}
-"""The rows of the catalogue that become tasks of co."""
-
-
-def things_of(task: cmd.Task) -> tuple[str, ...]:
-    """Return the names of the things of a task."""
-    return tuple(name for field in ("source", "destination", "object") if (name := getattr(task, field, "")))
-
-
-def in_words(tasks: tuple[cmd.Task, ...], language: str = "en") -> str:
+def in_words(tasks: tuple[AnyCommand, ...], language: str = "en") -> str:
     """Return a sentence from which the same tasks are understood."""
     return say(language, "then").join(_task_in_words(task, language) for task in tasks)
 
 
-def _task_in_words(task: cmd.Task, language: str) -> str:
-    match task:
-        case cmd.PourInto(source=source, destination=destination):
-            return say(language, "pour", called(source, language, 1), called(destination, language, 1))
-        case cmd.Take(object=thing, side=""):
-            return say(language, "take", called(thing, language, 2))
-        case cmd.Take(object=thing, side=side):
-            return say(language, "take_side", called(thing, language, 2), _hand(side, language))
-        case cmd.Bring(object=thing, side=""):
-            return say(language, "bring", called(thing, language, 2))
-        case cmd.Bring(object=thing, side=side):
-            return say(language, "bring_side", called(thing, language, 2), _hand(side, language))
-        case cmd.SwapHands(object=""):
-            return say(language, "swap")
-        case cmd.SwapHands(object=thing):
-            return say(language, "swap_thing", called(thing, language, 2))
-        case cmd.PutDown(object=thing, place=place):
-            return _put_in_words(called(thing, language, 2), place, language)
-        case cmd.ClearTable():
-            return say(language, "clear")
-        case cmd.LookAround():
-            return say(language, "look")
+def _task_in_words(task: AnyCommand, language: str) -> str:
+    fields = {name: _InWords(name, str(getattr(task, name)), language) for name in task.__struct_fields__}
+    return say(language, task.says, **fields)
 
 
-def _put_in_words(thing: str, place: str, language: str) -> str:
-    if place in ("", cmd.BACK):
-        return say(language, "back" if place else "put", thing)
-    forms = (called(place, language, case) for case in range(3))
-    return say(language, "place", thing, THINGS[place.partition("_")[0]].to[language].format(*forms))
+class _InWords:
+    """A field of a command in its task's sentences: {object} is the first form of a name, {object:2} the third."""
+
+    def __init__(self, field: str, value: str, language: str) -> None:
+        self._field, self._value, self._language = field, value, language
+
+    def __format__(self, case: str) -> str:
+        if self._field == "side":
+            return _hand(self._value, self._language)
+        if self._field == "place":
+            forms = (called(self._value, self._language, one) for one in range(3))
+            return THINGS[self._value.partition("_")[0]].to[self._language].format(*forms)
+        return called(self._value, self._language, int(case or 0))
 
 
 def _hand(side: str, language: str) -> str:

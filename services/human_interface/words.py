@@ -5,10 +5,9 @@ from msgspec.structs import replace
 from agent_runtime.core.events import Received
 from agent_runtime.core.turn import Turn
 from companion.design import AgentName
-from companion.languages import cmd
-from companion.languages.cmd import TaskReport, TaskState
+from companion.languages.cmd import Command, TaskReport, TaskState
 from companion.languages.facts import Fact, Kind, fact
-from companion.sentences import operator
+from companion.sentences import Reader, operator, place
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
 from services.human_interface.memory import FINAL, Memory, News
@@ -19,7 +18,7 @@ TOO_LATE = "cancel-too-late"
 ABOUT = {TaskState.PLANNING: AgentName.PL, TaskState.RUNNING: AgentName.TA}
 
 
-def ask(turn: Turn, wish: cmd.Task) -> str:
+def ask(turn: Turn, wish: Command) -> str:
     """Ask co for a task; return the conversation, which is the name of the task."""
     return turn.open(AgentName.CO, "request", P.REQUEST, wish)
 
@@ -52,7 +51,8 @@ def _failed(name: str, report: TaskReport) -> News:
 
 def _in_words(report: TaskReport) -> str:
     """A report in the operator's words."""
-    if report.asks:
-        hand = f" with the {report.side} hand" if report.side else ""
-        return f"waits for you: next is '{report.at.replace('/', ': ')}{hand}' - `roco step` to go on"
-    return ": ".join(filter(None, (report.at, operator(report.why))))
+    at = place(report.at, Reader.OPERATOR) if report.at is not None else ""
+    if report.asks and report.at is not None:
+        hand = f" with the {report.at.side} hand" if report.at.side else ""
+        return f"waits for you: next is '{at}{hand}' - `roco step` to go on"
+    return ": ".join(filter(None, (at, operator(report.why))))

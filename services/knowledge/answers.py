@@ -215,7 +215,7 @@ def _thing(scene: Scene, name: str) -> Thing:
         if name in (thing, lost.kind.lower()):
             if lost.side is None:
                 raise _NotKnown(fact(Kind.NOT_SEEN_SINCE, thing))
-            raise _NotKnown(fact(Kind.LOST_SINCE, lost.side, thing))
+            raise _NotKnown(fact(Kind.GIVEN_AWAY if lost.given else Kind.LOST_SINCE, lost.side, thing))
     seen = fact(Kind.SEEN, *sorted(scene.things)) if scene.things else fact(Kind.SEEN_NOTHING)
     raise _NotKnown(fact(Kind.NOT_SEEN, name), seen)
 

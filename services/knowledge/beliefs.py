@@ -10,8 +10,9 @@ import msgspec
 import pyoxigraph as ox
 
 from agent_runtime.core.streams import parse_observation
+from companion.all_languages import LANGUAGES
 from companion.asking import Heard
-from companion.languages import LANGUAGES, wm
+from companion.languages import wm
 from fipa_codec.communicate import Communicate, decode
 from fipa_codec.errors import FipaError
 from services.knowledge.observe import observed, subject_of

@@ -30,6 +30,7 @@ def subject_of(observation: wm.AnySight) -> str:
             wm.SeenObject(object=name)
             | wm.PlacedObject(object=name)
             | wm.LostObject(object=name)
+            | wm.GivenObject(object=name)
             | wm.MissingObject(object=name)
         ):
             return f"object:{name}"
@@ -85,6 +86,8 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
             return related(_taken(scene, name).with_hand(side, Held(name, grasp, pose)), at, before, name)
         case wm.LostObject(object=name, side=side):
             return scene.without(name, side)
+        case wm.GivenObject(object=name, side=side):
+            return scene.without(name, side, given=True)
         case wm.MissingObject(object=name):
             return scene.without(name, None)
         case wm.FeltContent(source=source, destination=destination):

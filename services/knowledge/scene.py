@@ -127,19 +127,20 @@ class Held(msgspec.Struct, frozen=True, omit_defaults=True):
     pose: Pose | None = None
 
 
-class Lost(msgspec.Struct, frozen=True):
-    """An object that nobody knows where it is: its class in the ontology, the hand that lost it; None: it was missing
-    where it should have been.
+class Lost(msgspec.Struct, frozen=True, omit_defaults=True):
+    """An object that nobody knows where it is: its class in the ontology, the hand that lost it, or gave it to a person
+    (`given`); None: it was missing where it should have been.
     """
 
     kind: str
     side: Side | None
+    given: bool = False
 
 
 class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
     """Objects, hands, joints [rad] per part of the body, spaces kept free, contents poured (source -> destination).
 
-    `lost`: objects that were lost from a hand, or missing where they should be, and not seen since.
+    `lost`: objects that left a hand, or were missing where they should be, and were not seen since.
 
     `versions`: the newest observation of each subject; `times`: when it was made, or when it arrived if it carries no
     time. A missing hand or part was never observed.
@@ -174,12 +175,12 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
         lost = {name: one for name, one in self.lost.items() if name != thing.id}
         return msgspec.structs.replace(self, things=self.marked.having((thing,)), lost=lost)
 
-    def without(self, name: str, side: Side | None) -> "Scene":
-        """Return the scene after the hand `side` lost this object, or it was missing (None)."""
+    def without(self, name: str, side: Side | None, *, given: bool = False) -> "Scene":
+        """Return the scene after the hand `side` lost this object, or gave it to a person, or it was missing (None)."""
         known = self.things.get(name) or self.lost.get(name)
         kind = known.kind if known is not None else "PhysicalObject"
         hands = {where: Held() if held.object == name else held for where, held in self.hands.items()}
-        lost = {**self.lost, name: Lost(kind, side)}
+        lost = {**self.lost, name: Lost(kind, side, given)}
         return msgspec.structs.replace(self, things=self.marked.without(name), hands=hands, lost=lost)
 
     def with_hand(self, side: Side, held: Held) -> "Scene":

@@ -7,6 +7,7 @@ of others.
 
 import asyncio
 import hmac
+import html
 import json
 import re
 import time
@@ -24,6 +25,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from companion import commands
 from companion.run_files import MOST_EAST_MIN, Pairing, Say, TaskLine
 from companion.stop_words import AT_ONCE_S, calls_for_help, may_answer, stop_words
 from companion.wording import plain
@@ -224,10 +226,12 @@ class Page:
 
 def _document(name: str, language: str) -> str:
     """A page in a language; page.js finds its words in it."""
-    words = catalogue.CATALOGUE.say[language]
+    words = catalogue.WORDS[language] | {"speak_hint": say(language, "speak_hint", commands.example(language))}
     text = Template(resources.files(__package__).joinpath("static", f"{name}.html").read_text(encoding="utf-8"))
     told = json.dumps({**words, "voice": speech.available()}).replace("<", "\\u003c")
-    return text.substitute(words, words=told)
+    says = ((html.escape(one), html.escape(one[:1].upper() + one[1:])) for one in commands.buttons(language))
+    buttons = "\n".join(f'<button type="button" data-say="{one}">{label}</button>' for one, label in says)
+    return text.substitute(words, words=told, buttons=buttons)
 
 
 def _language(request: Request) -> str:

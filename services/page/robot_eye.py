@@ -40,7 +40,7 @@ class RobotEye:
         self._thread.join(timeout=2.0)
 
     def _serve(self) -> None:
-        key = DESIGN.house_key("telemetry", system=self._options.system, owner=AgentName.EX)
+        key = DESIGN.signal_key("telemetry", system=self._options.system, owner=AgentName.EX)
         ear = open_ear(self._options, key, self._heard, self._over.is_set, IDENTITY)
         if ear is not None:
             self._over.wait()

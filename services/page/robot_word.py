@@ -25,7 +25,7 @@ class RobotWord:
 
     def __init__(self, options: Options) -> None:
         self._options = options
-        self._key = DESIGN.house_key(KIND, system=options.system, owner=IDENTITY, peer=AgentName.TA)
+        self._key = DESIGN.signal_key(KIND, system=options.system, owner=IDENTITY, peer=AgentName.TA)
 
     def go(self, at: str) -> bool:
         """Let the act at this path of the plan begin. Return whether the router took the word."""

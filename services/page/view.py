@@ -6,10 +6,10 @@ import msgspec
 
 from companion.languages.cmd import TaskState
 from companion.languages.evidence import unchecked
-from companion.languages.facts import Kind, fact
+from companion.languages.facts import Facts, Kind, fact
 from companion.run_files import HiEvent, InWords, TaskLine, Wish
-from companion.sentences import person, state
-from services.page.catalogue import CATALOGUE, leaf, say, step
+from companion.sentences import Reader, person, place, please, state, step
+from services.page.catalogue import WORDS, say
 
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
 ACTIVE = (TaskState.RUNNING, TaskState.PLANNING)
@@ -62,11 +62,12 @@ class Told(msgspec.Struct, frozen=True):
 
 
 class View(msgspec.Struct, frozen=True):
-    """All that a browser shows but the picture."""
+    """All that a browser shows but the picture. `please`: what the person is asked to do, which is also spoken."""
 
     hi: bool
     held: bool
     now: str
+    please: str
     active: TaskView | None
     step: str
     next: str
@@ -86,6 +87,7 @@ def view(heard: Heard, language: str) -> View:
         hi=heard.hi,
         held=heard.held,
         now=_now(heard, active, language),
+        please=_please(heard, active, language),
         active=_task(active, language) if active else None,
         step=now,
         next=then,
@@ -110,35 +112,53 @@ def _now(heard: Heard, active: TaskLine | None, language: str) -> str:
     if not heard.hi:
         return say(language, "no_hi")
     if active is not None and active.asks:
-        return say(language, "asks_you", leaf(language, active.asks))
+        return say(language, "asks_you", _asks(active, language))
     return _upper(_says(active, language)) + "." if active else say(language, "idle")
+
+
+def _please(heard: Heard, active: TaskLine | None, language: str) -> str:
+    """What the person is asked to do now."""
+    if heard.held or not heard.hi or active is None or active.at is None or active.asks:
+        return ""
+    return please(active.at, Reader(language))
 
 
 def _steps(line: TaskLine, language: str) -> tuple[str, str]:
     """The step of the plan that is done now, and the one after it."""
-    at = line.at.partition("/")[0]
-    if at not in line.steps:
-        return (step(language, at) if line.steps and at else state(line.state, language)), ""
-    number = line.steps.index(at)
-    after = line.steps[number + 1 : number + 2]
-    now = say(language, "step", number + 1, len(line.steps), step(language, at))
-    return now, say(language, "next", step(language, after[0])) if after else say(language, "last_step")
+    at = line.at.step if line.at is not None else None
+    if at is None or not line.steps:
+        return state(line.state, language), ""
+    if not 0 < line.number <= len(line.steps):
+        return step(at, Reader(language)), ""
+    after = line.steps[line.number : line.number + 1]
+    now = say(language, "step", line.number, len(line.steps), step(at, Reader(language)))
+    return now, say(language, "next", step(after[0], Reader(language))) if after else say(language, "last_step")
 
 
 def _task(line: TaskLine, language: str) -> TaskView:
-    asks_says = leaf(language, line.asks) if line.asks else ""
     return TaskView(
         line.task,
         _says(line, language),
         line.state,
         state(line.state, language),
         say(language, "urgent") if line.urgency else "",
-        "" if line.asks or line.state == TaskState.DONE else person(line.why, language),
+        "" if line.asks else person(_told_of(line), language),
         line.asks,
-        asks_says,
+        _asks(line, language),
         line.deadline,
         _unchecked(line, language),
     )
+
+
+def _told_of(line: TaskLine) -> Facts:
+    """What the person is told of a task; of one that is done what its own acts tell, not how long it took."""
+    if line.state != TaskState.DONE:
+        return line.why
+    return tuple(one for one in line.why if not isinstance(one.kind, Kind))
+
+
+def _asks(line: TaskLine, language: str) -> str:
+    return place(line.at, Reader(language)) if line.asks and line.at is not None else ""
 
 
 def _unchecked(line: TaskLine, language: str) -> str:
@@ -171,7 +191,7 @@ def _told(heard: Heard, language: str) -> Told:
         row, last = f"told_{event.name}", before.get(event.task)
         repeated = bool(event.task) and last in (None, event.name)
         before[event.task] = event.name
-        if row in CATALOGUE.say[language] and not repeated:
+        if row in WORDS[language] and not repeated:
             told = Told(event.n, say(language, row, says.get(event.task, event.task)))
     return told
 

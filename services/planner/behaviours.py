@@ -16,7 +16,7 @@ from companion.languages import hfsm, wm
 from companion.languages.facts import Fact, Kind, fact
 from fipa_codec.performatives import Performative
 from services.planner import local, words
-from services.planner.local import Answer, Ask, Begin, Died, Found, NotFound, Stop
+from services.planner.local import Answer, Ask, Begin, Died, Found, Stop
 from services.planner.memory import CONDITIONS, Memory, Problem, Soft
 
 ATTEMPTS = "attempts"
@@ -122,9 +122,9 @@ def _unanswered(memory: Memory, turn: Turn) -> Memory:
             return memory
 
 
-def _no_plan(memory: Memory, *why: Fact, later: bool = False, rejected: tuple[hfsm.Rejected, ...] = ()) -> Memory:
+def _no_plan(memory: Memory, *why: Fact, later: bool = False) -> Memory:
     assert memory.problem is not None
-    return replace(memory, result=hfsm.NoPlan(memory.problem.network.id, why, later, rejected))
+    return replace(memory, result=hfsm.NoPlan(memory.problem.network.id, why, later))
 
 
 # --- search -----------------------------------------------------------------------------------------------------------
@@ -144,8 +144,6 @@ def search_plan(memory: Memory, turn: Turn) -> Memory:
             return _answered(memory, turn, content)
         case Local(content=Found(attempt=attempt, plan=plan)) if attempt == memory.attempt:
             return replace(memory, result=plan)
-        case Local(content=NotFound(attempt=attempt, why=why) as ended) if attempt == memory.attempt:
-            return _no_plan(memory, *why, rejected=ended.rejected)
         case Local(content=Died(reason=reason)):
             turn.log("search ended", reason=reason)
             return _no_plan(memory, fact(Kind.ENDED, "search"))

@@ -6,7 +6,6 @@ A message names the attempt it belongs to: what a killed process had said before
 import msgspec
 
 from companion.languages import hfsm, wm
-from companion.languages.facts import Facts
 
 
 class Message(msgspec.Struct, frozen=True, tag=True):
@@ -39,16 +38,9 @@ class Ask(Message, frozen=True):
 
 
 class Found(Message, frozen=True):
-    """A plan was found."""
+    """What the search found, as co is told it: a plan, or why there is none."""
 
-    plan: hfsm.HierarchicalPlan
-
-
-class NotFound(Message, frozen=True, omit_defaults=True):
-    """No plan was found, and why; `rejected`: what was tried."""
-
-    why: Facts
-    rejected: tuple[hfsm.Rejected, ...] = ()
+    plan: hfsm.HierarchicalPlan | hfsm.NoPlan
 
 
 class Died(msgspec.Struct, frozen=True, tag=True):
@@ -58,5 +50,5 @@ class Died(msgspec.Struct, frozen=True, tag=True):
 
 
 ToSearch = Begin | Answer
-FromSearch = Ask | Found | NotFound
-Local = Ask | Found | NotFound | Died
+FromSearch = Ask | Found
+Local = Ask | Found | Died

@@ -6,7 +6,7 @@ once; the next child is started in its place.
 
 from agent_runtime.io.devices import Post
 from agent_runtime.io.worker import Worker
-from services.planner.local import Answer, Begin, Died, Found, FromSearch, NotFound, Stop
+from services.planner.local import Answer, Begin, Died, Found, FromSearch, Stop
 
 ENTRY = "services.planner.search_process:serve"
 
@@ -41,7 +41,7 @@ class SearchDevice:
         return Worker(ENTRY, answers=FromSearch, on_message=self._heard, on_end=self._over)
 
     def _heard(self, word: FromSearch) -> None:
-        self._searching = self._searching and not isinstance(word, Found | NotFound)
+        self._searching = self._searching and not isinstance(word, Found)
         self._post(word)
         self._busy = False
 

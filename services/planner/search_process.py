@@ -1,16 +1,16 @@
-"""The search as a child process of pl, which can be killed: it sends Ask, Found or NotFound and is answered by Answer.
+"""The search as a child process of pl, which can be killed: it sends Ask, which is answered by Answer, or Found.
 
 The search with its geometry is loaded in the child only.
 """
 
 from agent_runtime.io.worker import Link
-from companion.languages import hfsm, wm
-from services.planner.local import Answer, Ask, Begin, Found, NotFound, ToSearch
+from companion.languages import wm
+from services.planner.local import Answer, Ask, Begin, Found, ToSearch
 
 
 def serve(link: Link) -> None:
     """Run one search after the other, until the agent is gone."""
-    from services.planner.search.search import search
+    from companion.planning.search import search
 
     while True:
         word = link.recv(ToSearch)
@@ -25,10 +25,4 @@ def serve(link: Link) -> None:
                 if isinstance(reply, Answer) and reply.attempt == attempt:
                     return reply.answer
 
-        link.send(_result(attempt, search(word.network, ask, word.seed)))
-
-
-def _result(attempt: int, found: hfsm.HierarchicalPlan | hfsm.NoPlan) -> Found | NotFound:
-    if isinstance(found, hfsm.HierarchicalPlan):
-        return Found(attempt, found)
-    return NotFound(attempt, found.why, found.rejected)
+        link.send(Found(attempt, search(word.network, ask, word.seed)))

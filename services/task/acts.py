@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from agent_runtime.core.events import Broken, Late, Received, Woken
 from agent_runtime.core.turn import Turn
+from companion.acts import ACTS
 from companion.design import AgentName
 from companion.languages import rc, wm
 from companion.languages.facts import Facts, Kind, fact
@@ -25,7 +26,7 @@ UNANSWERED = (fact(Kind.NOT_ANSWERING, AgentName.EX),)
 Outcome = rc.Done | rc.NotDone
 
 
-def begin(memory: Memory, turn: Turn, command: rc.Act) -> Memory:
+def begin(memory: Memory, turn: Turn, command: rc.Command) -> Memory:
     """Request an act of ex."""
     for_plan = memory.conversation
     name = turn.open(AgentName.EX, "request", Performative.REQUEST, command, reply_by_s=AGREE_WITHIN_S, parent=for_plan)
@@ -102,7 +103,7 @@ def _over(memory: Memory, turn: Turn) -> Memory:
     return replace(memory, act=None)
 
 
-def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> Memory:
+def _observed(memory: Memory, turn: Turn, command: rc.Command, outcome: Outcome) -> Memory:
     """Queue the observations of an outcome for km; the posture last, so that it ends a first look.
 
     A look that failed gives none: its posture alone would look like an empty world.
@@ -117,9 +118,8 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
     news: list[wm.AnySight] = sorted(
         observations(outcome, memory.evidence), key=lambda one: isinstance(one, wm.SeenBody)
     )
-    if isinstance(command, rc.Pour) and isinstance(outcome, rc.Done) and outcome.weighed is not None:
-        before, after = outcome.weighed
-        news.insert(0, wm.FeltContent(source=command.source, destination=command.destination, left=before - after))
+    if isinstance(outcome, rc.Done):
+        news[:0] = ACTS[type(command)].sights(command, outcome)
     for one in news:
         turn.observe(OBSERVER, subject(one), one, last=isinstance(one, wm.SeenBody))
     return replace(memory, hands={side: held[0] for side, held in outcome.held.items()})

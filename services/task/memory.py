@@ -2,7 +2,8 @@
 
 import msgspec
 
-from companion.languages import hfsm, rc, sw
+from companion.acts import AnyAct
+from companion.languages import hfsm, sw
 from companion.languages.evidence import Evidence
 from companion.languages.facts import Facts
 from companion.languages.values import Side
@@ -13,7 +14,7 @@ class Act(msgspec.Struct, frozen=True):
     """An act requested of ex. `agreed`: ex agreed; `stopped`: a cancel was sent."""
 
     conversation: str
-    command: rc.Act
+    command: AnyAct
     agreed: bool = False
     stopped: bool = False
 
@@ -37,7 +38,8 @@ class Memory(msgspec.Struct, frozen=True):
     `at`: position in the running machine. `act`: the act under way. `looking`: that act is a look, because the outcome
     of the act before is unknown. `secured`: number of tries to put down what is held. `end`: how the plan ends, None
     before, and `why`. `hands`: what each hand holds by the last outcome. `survey`: tries left of a look around.
-    `evidence`: what the acts of the plan made true, and which senses told.
+    `evidence`: what the acts of the plan made true, and which senses told. `told`: what acts before the present one are
+    to tell the person at the end, UNSET if nothing.
     `acts`: counts the acts outside plans, for their keys. `pending`: UNSET unless an operator is asked.
     """
 
@@ -57,6 +59,7 @@ class Memory(msgspec.Struct, frozen=True):
     survey: int = 0
     acts: int = 0
     pending: Pending | msgspec.UnsetType = msgspec.UNSET
+    told: Facts | msgspec.UnsetType = msgspec.UNSET
     soft: Soft = Soft()
 
     @property

@@ -28,7 +28,7 @@ def first(machine: hfsm.Machine) -> Position:
 
 def leaf(root: hfsm.Machine, position: Position) -> Leaf:
     """Return the leaf at a position. Raises PlanError if there is none."""
-    state = _state(root, position)
+    state = state_at(root, position)
     if isinstance(state, hfsm.Machine):
         raise PlanError("/".join((root.name, *position)), "a leaf", _names(state.states))
     return state
@@ -53,7 +53,7 @@ def after(root: hfsm.Machine, position: Position, outcome: hfsm.Outcome) -> Posi
 def safe(root: hfsm.Machine, position: Position) -> hfsm.Machine | None:
     """Return the machine that makes the plan safe if cancelled at `position`: the innermost one given."""
     for depth in range(len(position), -1, -1):
-        state = _state(root, position[:depth])
+        state = state_at(root, position[:depth])
         if isinstance(state, hfsm.Machine) and state.safe is not None:
             return state.safe
     return None
@@ -83,8 +83,8 @@ def _names(states: tuple[hfsm.State, ...]) -> tuple[str, ...]:
     return tuple(state.name for state in states)
 
 
-def _state(root: hfsm.Machine, position: Position) -> hfsm.State:
-    """Return the state at a position; the root at ()."""
+def state_at(root: hfsm.Machine, position: Position) -> hfsm.State:
+    """Return the state at a position; the root at (). Raises PlanError if there is none."""
     state: hfsm.State = root
     for name in position:
         if not isinstance(state, hfsm.Machine):
@@ -94,7 +94,7 @@ def _state(root: hfsm.Machine, position: Position) -> hfsm.State:
 
 
 def _machine(root: hfsm.Machine, position: Position) -> hfsm.Machine:
-    state = _state(root, position)
+    state = state_at(root, position)
     assert isinstance(state, hfsm.Machine), f"position {position} names a leaf"
     return state
 

@@ -11,19 +11,19 @@ from msgspec.structs import replace
 
 from agent_runtime.core.events import Broken, Late, Ordered, Received, Started
 from agent_runtime.core.turn import Turn
+from companion.acts import ACTS, needed
 from companion.design import AgentName
 from companion.languages import hfsm, rc, sw, wm
-from companion.languages.evidence import Evidence
 from companion.languages.facts import Facts, Kind, fact, fitting
-from companion.languages.values import Side
 from companion.sentences import operator
 from fipa_codec.performatives import Performative
-from services.task import acts, orders, senses
+from services.task import acts, orders
 from services.task import plan as plans
 from services.task.memory import Memory, Pending, Soft, way_to_safety
-from services.task.words import SURVEY, not_checked
+from services.task.words import SURVEY, ill, not_checked
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
+WHY_BYTES = 200  # of a report on the way, which must stay within its 400 bytes with its place
 ATTEMPTS = 2  # to put down what is held: the second one starts elsewhere, with newer observations (estimate)
 Outcome = hfsm.Outcome
 
@@ -101,8 +101,9 @@ def preempted(memory: Memory, turn: Turn, why: Facts) -> Memory:
 
 def _finish(memory: Memory, outcome: Outcome, why: Facts) -> Memory:
     """End the plan. If no other one follows, say what nobody has checked: a thing may stand though no look shows it."""
-    doubts = () if outcome is Outcome.REPLAN else not_checked(memory.evidence)
-    return replace(memory, end=ENDS[outcome], why=(*why, *doubts))
+    if outcome is Outcome.REPLAN:
+        return replace(memory, end=ENDS[outcome], why=why)
+    return replace(memory, end=ENDS[outcome], why=(*(memory.told or ()), *why, *not_checked(memory.evidence)))
 
 
 # --- securing ---------------------------------------------------------------------------------------------------------
@@ -154,7 +155,7 @@ def enter(
     return leave(memory, turn, leaf.outcome, leaf.why, finish or _finish)
 
 
-def _named(memory: Memory, command: rc.Act) -> rc.Act:
+def _named(memory: Memory, command: rc.Command) -> rc.Command:
     """Return the command, with a new key if it is requested again."""
     return replace(command, key=f"{command.key}.{memory.secured}") if memory.secured > 1 else command
 
@@ -182,77 +183,40 @@ def _go_on(memory: Memory, turn: Turn, finish: Finish) -> Memory:
 
 def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) -> Memory:
     if memory.looking:
-        return finish(replace(memory, looking=False), Outcome.REPLAN, (*memory.why, *senses.told(outcome)))
+        return finish(replace(memory, looking=False), Outcome.REPLAN, (*memory.why, *ill(outcome)))
     if isinstance(outcome, rc.Done):
         if outcome.missing and outcome.arrived is None and memory.safe is None:
             return _look(memory, turn, outcome.key, tuple(fact(Kind.NOT_WHERE_IT_WAS, one) for one in outcome.missing))
-        lacking = _lacking(memory, outcome)
-        end = Outcome.SUCCEEDED if _poured(memory, outcome) and not lacking else Outcome.FAILED
-        why = (*(_seen(memory, outcome) or not_checked(lacking)), *senses.told(outcome))
-        return leave(memory, turn, end, why, finish)
+        return _done(memory, turn, outcome, finish)
     turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=operator(outcome.why))
     if memory.safe is not None:
         memory = replace(memory, why=memory.why or outcome.why)
     if outcome.kind in LOOK_FIRST and memory.safe is None:
         return _look(memory, turn, outcome.key, outcome.why)
-    why = (*outcome.why, *senses.told(outcome))
+    why = (*outcome.why, *ill(outcome))
     return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), why, finish)
 
 
 def _look(memory: Memory, turn: Turn, key: str, why: Facts) -> Memory:
     """Look around after an act that left the world unknown, without moving an arm; then plan again. Say why at once."""
     memory = replace(memory, looking=True, why=why)
-    tell(memory, turn, sw.WorkerState.ERROR, fitting(why, orders.PATH_CHARS))
+    tell(memory, turn, sw.WorkerState.ERROR, fitting(why, WHY_BYTES))
     return acts.begin(memory, turn, replace(SURVEY, key=f"{key}.look"))
 
 
-def _lacking(memory: Memory, outcome: rc.Done) -> tuple[Evidence, ...]:
-    """Return the claims without which the act fails and that no sense told; an ex of another version tells of less."""
+def _done(memory: Memory, turn: Turn, done: rc.Done, finish: Finish) -> Memory:
+    """Leave the leaf whose act is done. It failed if it did not do what it is for, or if no sense told a claim that it
+    needs; an ex of another version tells of less.
+    """
     leaf = plans.leaf(memory.machine, memory.at)
-    needed = rc.needed(type(leaf.command)) if isinstance(leaf, hfsm.ActState) else frozenset()
-    return tuple(one for one in outcome.evidence if not one.by and one.claim in needed)
-
-
-def _poured(memory: Memory, outcome: rc.Done) -> bool:
-    """Whether content was seen to arrive, where the act was a pour: content that nobody saw there is not poured."""
-    match plans.leaf(memory.machine, memory.at):
-        case hfsm.ActState(command=rc.Pour()):
-            return outcome.arrived is True
-        case _:
-            return True
-
-
-def _seen(memory: Memory, outcome: rc.Done) -> Facts:
-    """Return what was seen or felt in an act, which is told where it ends the plan."""
-    leaf = plans.leaf(memory.machine, memory.at)
-    match leaf:
-        case hfsm.ActState(command=rc.Look()):
-            things = sorted(one.object for one in outcome.seen)
-            return (fact(Kind.SEEN, *things) if things else fact(Kind.SEEN_NOTHING),)
-        case hfsm.ActState(command=rc.Pour() as pour):
-            felt = () if outcome.weighed is None else _felt(pour, *outcome.weighed)
-            return (*felt, *_looked_into(pour, outcome))
-        case _:
-            return ()
-
-
-def _felt(pour: rc.Pour, before: float, after: float) -> Facts:
-    """Return how much [kg] was felt to leave a source, and how much to stay in it, to a gram."""
-    rest = after - pour.empty_mass
-    still = (fact(Kind.STILL_IN, pour.source, round(rest, 3)),) if rest > rc.LEAST_WEIGHED_KG else ()
-    return (fact(Kind.LEFT, pour.source, round(before - after, 3)), *still)
-
-
-def _looked_into(pour: rc.Pour, outcome: rc.Done) -> Facts:
-    """Return how much was seen in the destination then, to ten grams."""
-    name = pour.destination
-    if name in outcome.missing:
-        return (fact(Kind.NOT_WHERE_IT_WAS, name),)
-    if outcome.arrived is None:
-        return (fact(Kind.NOT_SEEN_IN, name),)
-    seen = next((one.content for one in outcome.seen if one.object == name), None)
-    there = fact(Kind.ARRIVED_SOME, name) if seen is None else fact(Kind.ARRIVED, name, round(seen, 2))
-    return (there,) if outcome.arrived else (there, fact(Kind.REST_NOT_THERE, name))
+    assert isinstance(leaf, hfsm.ActState)
+    row, needs = ACTS[type(leaf.command)], needed(type(leaf.command))
+    lacking = tuple(one for one in done.evidence if not one.by and one.claim in needs)
+    end = Outcome.SUCCEEDED if row.fulfilled(leaf.command, done) and not lacking else Outcome.FAILED
+    told = row.told(leaf.command, done)
+    if row.remembered and not isinstance(plans.after(memory.machine, memory.at, end), Outcome):
+        memory = replace(memory, told=(*(memory.told or ()), *told))
+    return leave(memory, turn, end, (*(told or not_checked(lacking)), *ill(done)), finish)
 
 
 # --- questions --------------------------------------------------------------------------------------------------------
@@ -293,8 +257,8 @@ def _no(leaf: hfsm.AskState, content: object) -> Facts:
     return (fact(Kind.NEW_PLAN_WANTED),)
 
 
-def tell(memory: Memory, turn: Turn, state: sw.WorkerState, why: Facts = (), side: Side | None = None) -> None:
+def tell(memory: Memory, turn: Turn, state: sw.WorkerState, why: Facts = ()) -> None:
     """Report the position in the plan to co."""
     if not turn.holds(memory.conversation) or memory.plan is None:
         return
-    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, orders.path(memory), side, why))
+    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, orders.place(memory), why))

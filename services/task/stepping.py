@@ -12,12 +12,11 @@ from agent_runtime.core.turn import Turn
 from companion.autonomy import WAIT_S, Verb
 from companion.languages import hfsm, sw
 from companion.languages.facts import Kind, fact
-from companion.languages.values import Side
 from fipa_codec.performatives import Performative
 from services.task import plan as plans
 from services.task import running
 from services.task.memory import Memory, Pending
-from services.task.orders import WANTED, asks, path, verb_about
+from services.task.orders import WANTED, asks, place, verb_about
 
 NOBODY = "nobody came"
 """Wake-up at the end of the wait."""
@@ -29,7 +28,7 @@ def await_operator(memory: Memory, turn: Turn) -> Memory:
     """
     if turn.event is None:
         turn.wake(NOBODY, turn.now + WAIT_S)
-        running.tell(memory, turn, sw.WorkerState.WAITING, side=_hand(memory))
+        running.tell(memory, turn, sw.WorkerState.WAITING)
         return memory
     memory = _answered(running.always(memory, turn), turn)
     if not memory.asked:
@@ -53,7 +52,7 @@ def _answered(memory: Memory, turn: Turn) -> Memory:
 
 def _ordered(memory: Memory, turn: Turn) -> Memory:
     """Take a word about the leaf that waits, or a level at which it need not wait."""
-    verb = verb_about(turn, path(memory))
+    verb = verb_about(turn, place(memory))
     if verb is Verb.REPLAN:
         following = plans.after(memory.machine, memory.asked, hfsm.Outcome.REPLAN)
         if isinstance(following, hfsm.Outcome):
@@ -61,10 +60,3 @@ def _ordered(memory: Memory, turn: Turn) -> Memory:
         return replace(memory, pending=Pending(following, let=True))
     free = verb is Verb.GO or not asks(memory, turn, plans.leaf(memory.machine, memory.asked))
     return replace(memory, pending=Pending(memory.asked, let=True)) if free else memory
-
-
-def _hand(memory: Memory) -> Side | None:
-    """Return with which hand the act that waits is done; None where it has none."""
-    leaf = plans.leaf(memory.machine, memory.asked)
-    side = getattr(leaf.command, "side", None) if isinstance(leaf, hfsm.ActState) else None
-    return side if isinstance(side, Side) else None

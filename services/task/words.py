@@ -60,6 +60,11 @@ def not_checked(known: tuple[Evidence, ...]) -> Facts:
     return tuple(fact(Kind.NOT_CHECKED, one.claim, one.of) for one in unchecked(known))
 
 
+def ill(outcome: rc.Done | rc.NotDone) -> Facts:
+    """Return which sensors are faulty, and how."""
+    return tuple(fact(Kind.ILL, one.sense, one.fault, one.off) for one in outcome.ill)
+
+
 def subject(observation: wm.AnyObservation) -> str:
     """Return the subject of an observation; the newest one of a subject replaces the older ones."""
     if isinstance(observation, wm.NothingSeen):

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import msgspec
 
+from companion.acts import ACTS
 from companion.languages import rc
 
 LEVEL, STEP = "autonomy", "step"
@@ -16,19 +17,16 @@ WAIT_S = 600.0
 
 
 class Level(StrEnum):
-    """Levels of autonomy."""
+    """Levels of autonomy: which acts wait for the operator."""
 
-    AUTO = "auto"
-    HANDLING = "handling"
-    CONFIRM = "confirm"
+    AUTO = "auto"  # none
+    HANDLING = "handling"  # those that handle a thing
+    CONFIRM = "confirm"  # all
 
 
-ASKED: dict[str, tuple[type[rc.Command], ...]] = {
-    Level.AUTO: (),
-    Level.HANDLING: (rc.Grasp, rc.Release, rc.Pour, rc.OpenDoor),
-    Level.CONFIRM: (rc.Command,),
-}
-"""The acts that wait for the operator at each level."""
+def asks(level: str, act: type[rc.Command]) -> bool:
+    """Whether an act waits for the operator at a level."""
+    return level == Level.CONFIRM or (level == Level.HANDLING and ACTS[act].handles)
 
 
 class Verb(StrEnum):

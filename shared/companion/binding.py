@@ -10,8 +10,8 @@ from agent_runtime.core import binding
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.binding import BindingError, Condition, Takes, Transition
 from agent_runtime.core.wiring import Wiring
+from companion.all_languages import LANGUAGES
 from companion.design import DESIGN
-from companion.languages import LANGUAGES
 from topdown.model.design import Design
 
 __all__ = ["BindingError", "Condition", "Takes", "Transition", "bind", "wiring"]

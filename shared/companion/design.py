@@ -7,7 +7,7 @@ Must not know: agents' code, Zenoh.
 from enum import StrEnum
 from pathlib import Path
 
-from companion.languages import LANGUAGES
+from companion.all_languages import LANGUAGES
 from fipa_codec import protocols
 from fipa_codec.interfaces import ClassInterfaceInfo
 from fipa_codec.languages import REASON, Language

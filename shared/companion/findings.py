@@ -5,12 +5,13 @@ Apart from companion.design, so that no agent loads the checks when it starts.
 
 from typing import get_args
 
+from companion.all_languages import LANGUAGES
 from companion.design import DESIGN
-from companion.languages import LANGUAGES, wm
+from companion.languages import wm
 from topdown import check
 from topdown.check import agreement
 from topdown.model.design import Design
-from topdown.model.findings import Finding
+from topdown.model.findings import Finding, Kind
 
 # Interface sets whose argument classes are, together, exactly the query classes of WM.
 QUERY_INTERFACES = ("knowledge", "hypotheses")
@@ -29,7 +30,12 @@ def agreement_findings(design: Design) -> tuple[Finding, ...]:
         if entry.name in LANGUAGES.names
     }
     queries = [kind.__name__ for kind in get_args(wm.AnyQuery)]
+    lost = [one for one in wm.Query.__subclasses__() if one not in get_args(wm.AnyQuery)]
     return (
+        *(
+            Finding(Kind.UNUSED, f"WM.{one.__name__}", "a query that is not in WM", "name it in AnyQuery")
+            for one in lost
+        ),
         *agreement.check_languages(design, classes),
         *agreement.check_queries(design, QUERY_INTERFACES, "WM", queries),
     )

@@ -9,6 +9,7 @@ import msgspec
 
 from companion.languages.evidence import Evidence
 from companion.languages.facts import Facts
+from companion.languages.hfsm import Place, Step
 
 HI_FILE = "hi.json"
 PAGE_FILE = "page.json"
@@ -87,10 +88,10 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
     sentence from which this task alone is understood. `replies`: sentences that answer a question. `steps`: what its
     plan does, one after the other. `urgency`, `deadline` [unix s]: as it was said.
 
-    `why`: reason of its state; `at`: path of the plan's state that is under way, or waits, whose first part is one of
-    the steps. `asks`: the same path, if that state waits for an operator. `text` is for a terminal: `why` and `at` in
-    the operator's words, or hi's own words; no program reads it. `evidence`: at the end, what is true now and which
-    senses told.
+    `why`: reason of its state; `at`: where its plan is, or waits; `number`: of the step there, the first is 1, 0 for
+    none of the steps. `asks`: the id of that place, if it waits for an operator. `text` is for a terminal: `why` and
+    `at` in the operator's words, or hi's own words; no program reads it. `evidence`: at the end, what is true now and
+    which senses told.
     """
 
     task: str
@@ -102,11 +103,12 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
     accepted: bool = False
     wish: InWords | None = None
     replies: tuple[str, ...] = ()
-    steps: tuple[str, ...] = ()
+    steps: tuple[Step, ...] = ()
     urgency: int = 0
     deadline: float = 0.0
     why: Facts = ()
-    at: str = ""
+    at: Place | None = None
+    number: int = 0
     asks: str = ""
     evidence: tuple[Evidence, ...] = ()
 

@@ -1,6 +1,6 @@
 """Telemetry of ex for people about the robot and, from the simulation, the truth; not communicates, newest wins.
 
-`RobotState` goes to `DESIGN.house_key("telemetry", owner="ex")`, `TrueState` to the key of kind "truth", both as
+`RobotState` goes to `DESIGN.signal_key("telemetry", owner="ex")`, `TrueState` to the key of kind "truth", both as
 msgpack, at `RATE_HZ` while anything changes and twice a second while nothing does. A `Picture` goes to the first key,
 too, at most once in `PICTURE_S`, told apart by its tag: who knows `RobotState` only finds fields missing. Only
 recorders and screens read them, no agent decides by them. Arrays are in the order of velma.names; poses are in the
@@ -23,6 +23,17 @@ class Lateness(msgspec.Struct, frozen=True):
     p99: float = 0.0
     p999: float = 0.0
     max: float = 0.0
+
+
+class PageFaults(msgspec.Struct, frozen=True):
+    """Page faults of the loop during motions: the page was in memory (`minor`), or had to be read (`major`).
+
+    `late`: missed cycles with a major one.
+    """
+
+    minor: int = 0
+    major: int = 0
+    late: int = 0
 
 
 class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -54,6 +65,7 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     faults: int = 0
     last_fault: str = ""
     saturated: int = 0
+    page_faults: PageFaults = PageFaults()
 
 
 class Contact(msgspec.Struct, frozen=True, array_like=True):

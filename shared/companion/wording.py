@@ -3,12 +3,13 @@
 import math
 import re
 
-from companion.languages import cmd, sw
+from companion import sentences
+from companion.languages import cmd, hfsm, sw
 from companion.languages.evidence import Evidence
 from companion.sentences import claimed, operator
 from fipa_codec.languages import Reason
 
-_TELLING = ("name", "object", "relation", "subject", "source", "destination", "side", "state", "at")
+_TELLING = ("name", "object", "relation", "subject", "source", "destination", "side", "state")
 _ID = re.compile(r"\b([a-z]+)_(\d+)\b")
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
@@ -27,9 +28,27 @@ def about(content: object) -> str:
     """A content in a few words: what it is and what it is about; of a report only the latter."""
     if content is None or isinstance(content, Reason):
         return ""
+    if isinstance(content, cmd.TaskReport | sw.Report):
+        return " ".join(filter(None, (content.state, at(content.at))))
     told = [one for one in (getattr(content, name, "") for name in _TELLING) if one and isinstance(one, str)]
-    kind = () if isinstance(content, cmd.TaskReport | sw.Report) else (spaced(type(content).__name__),)
-    return plain(" ".join((*kind, *told)))
+    return plain(" ".join((spaced(type(content).__name__), *told)))
+
+
+def at(place: hfsm.Place | None) -> str:
+    """Where a plan is; "" for nowhere."""
+    return "" if place is None else sentences.place(place, sentences.Reader.OPERATOR)
+
+
+def does(state: hfsm.State) -> str:
+    """What a state of a plan does; of its end the outcome."""
+    if (step := hfsm.step_of(state)) is not None:
+        return sentences.step(step, sentences.Reader.OPERATOR)
+    match state:
+        case hfsm.ActState(command=command):
+            return at(hfsm.Place((), act=type(command).__name__))
+        case hfsm.EndState(outcome=outcome):
+            return outcome
+    return plain(state.name)
 
 
 def why(content: object) -> str:

@@ -14,6 +14,7 @@ LOCK_FILE = "supervisor.lock"  # held (flock) by the supervisor as long as it li
 LIVE_FILE = "live.jsonl"
 VERDICTS_FILE = "verdicts.jsonl"
 TRAFFIC_FILE = "traffic.mcap"
+STEPS = "steps"  # folder of the agents' step logs, and the ending of their names
 REPORT_FILE = "report.json"
 RRD_FILE = "run.rrd"
 VIEW_FILE = "view.json"
@@ -81,26 +82,52 @@ class AgentIn(_Line, frozen=True):
     incarnation: int = 0
 
 
+class Task(msgspec.Struct, frozen=True):
+    """What a plan is for: the name of the task, and its arguments."""
+
+    name: str
+    arguments: tuple[str, ...] = ()
+
+
+class Step(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A state of a plan. `path`: names of states from below the root to it, an id that nobody takes apart.
+
+    `does`: what is done there, with which `things` and which hand (`side`); "" where it is no step. `act`: class of the
+    act by which a leaf does it; "" for none.
+    """
+
+    path: tuple[str, ...]
+    does: str = ""
+    things: tuple[str, ...] = ()
+    side: str = ""
+    act: str = ""
+
+
 class PlanSeen(_Line, frozen=True):
-    """A plan left pl: its id and all its states as paths "machine/state", in the order of the tree."""
+    """A plan left pl: its id, its tasks, and all its states in the order of the tree."""
 
     plan: str
-    task: str
-    states: tuple[str, ...]
+    tasks: tuple[Task, ...]
+    states: tuple[Step, ...]
 
 
 class PlanAt(_Line, frozen=True):
-    """ta entered this state of the plan (path as in PlanSeen), or ended the plan with `outcome`."""
+    """ta entered this state of the plan, or ended the plan with `outcome`."""
 
-    at: str
+    at: Step | None = None
     outcome: str = ""
 
 
 class Happened(_Line, frozen=True):
-    """An event worth a line for a person: jar grasped, plan 2 ready, bowl on the table."""
+    """An event worth a line for a person: what happened, to which things, numbers or outcomes; `text`: why.
+
+    `again`: other lines tell it, too.
+    """
 
     name: str
+    of: tuple[str, ...] = ()
     text: str = ""
+    again: bool = False
 
 
 LiveLine = Sent | Again | Against | AgentIn | PlanSeen | PlanAt | Happened
@@ -111,8 +138,7 @@ class Judged(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `t`: when it was heard [unix s]; a line may come later than others that were heard later. `initiator` and
     `participant`: their states after it. `text`: its content in a few words. `key`: only where it is not the design's.
-    `violation`: the verdict is against the design. `log`: the agent whose step log has it, where the monitor did not
-    hear it; `t` is then when it was sent.
+    `violation`: the verdict is against the design.
     """
 
     t: float
@@ -132,7 +158,6 @@ class Judged(msgspec.Struct, frozen=True, omit_defaults=True):
     why: str = ""
     key: str = ""
     violation: bool = False
-    log: str = ""
 
 
 class Dead(StrEnum):

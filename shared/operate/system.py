@@ -24,7 +24,7 @@ import msgspec
 
 from fipa_codec.languages import Languages
 from operate import wording
-from operate.run_folder import FLEET_FILE, Fleet
+from operate.run_folder import FLEET_FILE, Fleet, Step
 from operate.supervisor.processes import Process
 from operate.trust import TRUST_VARIABLE, changeable
 from topdown.model import design as designs
@@ -79,7 +79,7 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     `name`. `report`: a function of a History that gives the figures of report.json, `page`: one of History, figures and
     the run's name that gives report.html. `drawers`: a function of a Sheet that gives further
     operate.pictures.stage.Drawer, `blueprint`: one of the length of the run that gives the layout of the viewer.
-    `telemetry`: kind of a house key -> decoder, a mapping. `tasks`: a function of a Target that gives what people asked
+    `telemetry`: kind of a signal -> decoder, a mapping. `tasks`: a function of a Target that gives what people asked
     for, as lines of operate.cli.fleet.tasks.Task; it raises ConsoleError. `checks`: an operate.cli.fleet.checkup.Checks
     for `roco doctor`. `untouchable`: a function of a Target that gives why `roco fault` must leave it alone (a real
     robot moves there), "" where it need not. `promises`: a function of a History that gives, in sentences, those that
@@ -114,7 +114,8 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     """A system: its design, its languages, the processes that make it up, and what it adds to the tools.
 
     `name`: prefix of its keys where none is given. `about`: a content of one of its languages in a few words, `why`:
-    the reason that it gives. `plain`: a text with its ids as people say them. `says`: process that is not an agent ->
+    the reason that it gives. `plain`: a text with its ids as people say them. `step` and `happened`: a step of a plan,
+    and an event (its name, and of what), in words. `says`: process that is not an agent ->
     state -> what it does, in words; of an agent the design has them. `unreplaced`: agent -> why `roco replay --replace`
     cannot run it alone. `variables`: what its processes get in their environment, `{run}` standing for the run folder.
     `contents`: version of what its messages contain; a recording of another version is refused.
@@ -129,6 +130,8 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     about: Callable[[object], str] = wording.about
     why: Callable[[object], str] = wording.why
     plain: Callable[[str], str] = str
+    step: Callable[[Step], str] = wording.step
+    happened: Callable[[str, tuple[str, ...]], str] = wording.happened
     says: dict[str, dict[str, str]] = {}
     unreplaced: dict[str, str] = {}
     additions: Additions = Additions()

@@ -28,7 +28,6 @@ def line(judgement: Judgement, system: System | None) -> Judged:
             why=one_line(judgement.why),
             key=heard.key,
             violation=judgement.violation,
-            log=heard.log,
         )
     return Judged(
         t=heard.at,
@@ -48,14 +47,17 @@ def line(judgement: Judgement, system: System | None) -> Judged:
         why=one_line(judgement.why),
         key=heard.key if judgement.verdict in OF_KEYS else "",
         violation=judgement.violation,
-        log=heard.log,
     )
 
 
 def outcome(verdicts: Mapping[str, int]) -> str:
     """Return in words how communicates stand to the design: counts by verdict, none of them a violation."""
-    total = sum(verdicts.values())
-    words = {Verdict.SLOW: "slow", Verdict.NOT_JUDGED: "could not be judged"}
+    total = sum(count for verdict, count in verdicts.items() if verdict != Verdict.NOT_TAKEN)  # it has one besides
+    words = {
+        Verdict.SLOW: "slow",
+        Verdict.NOT_JUDGED: "could not be judged",
+        Verdict.NOT_TAKEN: "taken by nobody",
+    }
     apart = [f"{verdicts[one]} of {total} communicates {word}" for one, word in words.items() if verdicts.get(one)]
     return "; ".join(("nothing against the design", *apart)) if apart else f"all {total} communicates as designed"
 

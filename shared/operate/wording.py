@@ -1,8 +1,11 @@
 """A content of any language in a few words, for people; text that others wrote, as a terminal may have it."""
 
 import re
+from collections.abc import Callable
 
 import msgspec
+
+from operate.run_folder import Step, Task
 
 LENGTH = 80
 REASONS = ("reason", "why", "text")
@@ -28,6 +31,23 @@ def why(content: object) -> str:
     """Return the words for people in a content; "" for none."""
     found = (getattr(content, name, "") for name in REASONS)
     return next((one for one in found if one and isinstance(one, str)), "")
+
+
+def step(one: Step) -> str:
+    """Return a step of a plan by its names, with what is done for it."""
+    words = " ".join(filter(None, (one.does, *one.things, one.side)))
+    act = _HUMP.sub(" ", one.act).lower()
+    return f"{words} ({act})" if words and act else words or act
+
+
+def task(one: Task, plain: Callable[[str], str] = str) -> str:
+    """Return what a plan is for; `plain`: an id as people say it."""
+    return " ".join((one.name.replace("_", " "), *map(plain, filter(None, one.arguments))))
+
+
+def happened(name: str, of: tuple[str, ...]) -> str:
+    """Return an event by its names."""
+    return " ".join((name.replace("-", " "), *of))
 
 
 def short(text: str) -> str:

@@ -14,9 +14,9 @@ import zenoh
 from roco_fleet import Moment, RocoFleet
 
 from companion.design import DESIGN
+from companion.skills.loop_messages import Mode
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
-from services.executor.loop.program import Mode
 from topdown.model.rights import Family, families
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(700)]

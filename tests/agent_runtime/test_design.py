@@ -9,9 +9,11 @@ from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Arrived, Started
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
+from companion.all_languages import LANGUAGES
 from companion.binding import wiring
 from companion.design import DESIGN
-from companion.languages import LANGUAGES, cmd, hfsm, wm
+from companion.languages import hfsm, wm
+from companion.tasks.look_around.command import LookAround
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.performatives import Performative as P
@@ -58,7 +60,7 @@ def test_the_interface_is_checked_both_ways() -> None:
         core.step(state, Started(), 1.0)
     wrong = Communicate(
         performative=P.REQUEST,
-        content=LANGUAGES.named("CMD").encode(cmd.LookAround()),
+        content=LANGUAGES.named("CMD").encode(LookAround()),
         language="CMD",
         protocol="request",
         reply_with="1",

@@ -138,7 +138,7 @@ def test_it_is_called_by_its_module(forks: Forks) -> None:
     assert f"{RUN_FOLDER_VARIABLE}={forks.run}".encode() in settings.split(b"\0")
     assert os.getsid(one.pid) == one.pid
     one.terminate()
-    assert one.wait() == -signal.SIGTERM
+    assert one.wait() == -signal.SIGTERM, forks.log.read_text()
 
 
 def test_a_file_that_changed_is_not_run_from_memory(forks: Forks) -> None:

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from companion.all_languages import LANGUAGES, SW
 from companion.design import COORDINATE
-from companion.languages import LANGUAGES, SW
 from companion.languages.sw import FINAL as FINAL_STATES
 from companion.languages.sw import Report, WorkerState
 from fipa_codec.communicate import decode, encode, envelope_size

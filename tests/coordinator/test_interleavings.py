@@ -14,6 +14,9 @@ from companion.design import DESIGN, AgentName
 from companion.languages import cmd, hfsm, rc, sw, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.sw import WorkerState
+from companion.tasks.look_around.command import LookAround
+from companion.tasks.put_down.command import PutDown
+from companion.tasks.take.command import Take
 from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
 from services.coordinator.behaviours import agent
@@ -23,11 +26,11 @@ from services.task.behaviours import BARRIER_S
 
 COMMANDS = (
     POUR,
-    cmd.Take("jar", "left", urgency=1),
-    cmd.PutDown("jar"),
-    cmd.LookAround(urgency=2),
-    cmd.LookAround(),
-    cmd.Take("box"),
+    Take("jar", "left", urgency=1),
+    PutDown("jar"),
+    LookAround(urgency=2),
+    LookAround(),
+    Take("box"),
 )
 ENDS = tuple(sw.FINAL)
 GRACE_S = 2000.0  # virtual time in which everything must have ended: a few planned durations, late ones included
@@ -91,7 +94,7 @@ class Chance:
     def work(self, turn, name):
         """One more state of the plan, or its end."""
         if self.chance.random() < 0.5:
-            self.report(turn, name, WorkerState.RUNNING, at=f"main/{self.chance.randrange(9)}")
+            self.report(turn, name, WorkerState.RUNNING, at=hfsm.Place(("main", f"{self.chance.randrange(9)}")))
             self.later("ta", lambda turn: self.work(turn, name))
         else:
             self.report(turn, name, self.chance.choice(ENDS), why=(SLIPS,))
@@ -236,7 +239,7 @@ def test_the_arcs_of_the_design_are_taken(scene):
         (line.fields["old"], line.fields["new"]) for line in effects.logs if agent == "co" and line.event == "state"
     )
     first = scene.command()
-    scene.command(cmd.LookAround())
+    scene.command(LookAround())
     scene.plan(60.0, suspend=20.0, resume=20.0)
     scene.plan(5.0)
     scene.ta(WorkerState.REPLAN)

@@ -6,14 +6,17 @@ from partners_of_co import CANCELLED, POUR, Scene, a_plan, no_plan, stop_plannin
 
 from agent_runtime.core.step import OUTSIDE
 from agent_runtime.testing.wires import Point
-from companion.languages import cmd, hfsm, sw
+from companion.languages import hfsm, sw
 from companion.languages.facts import Kind, fact
 from companion.languages.sw import WorkerState
+from companion.tasks.look_around.command import LookAround
+from companion.tasks.put_down.command import PutDown
+from companion.tasks.take.command import Take
 from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
 from services.coordinator.memory import Limits, Stage
 
-LOOK = cmd.LookAround()
+LOOK = LookAround()
 
 
 def stages(scene):
@@ -37,7 +40,7 @@ def test_pl_is_asked_for_the_parameters_of_all_that_wait(scene):
     """One after the other while the first one runs, each once; none of them is begun."""
     scene.running(POUR)
     scene.command(LOOK)
-    scene.command(cmd.Take("box"))
+    scene.command(Take("box"))
     for _ in range(2):
         scene.plan(90.0)
     asked = [content.tasks[0].name for act, content in scene.heard("pl") if act is P.REQUEST]
@@ -48,8 +51,8 @@ def test_pl_is_asked_for_the_parameters_of_all_that_wait(scene):
 
 def test_what_comes_after_another_task_is_not_asked_about(scene):
     """Its plan would be one for a world that is not there yet: nothing is in the hand."""
-    scene.running(cmd.Take("jar"))
-    scene.command(cmd.PutDown("jar"))
+    scene.running(Take("jar"))
+    scene.command(PutDown("jar"))
     assert scene.acts("pl").count(P.REQUEST) == 1
 
 
@@ -62,7 +65,7 @@ def test_a_task_that_costs_less_to_do_first_replaces_the_running_one(scene):
     assert scene.acts("ta")[-1] is P.CANCEL
     decision = scene.memory.decision
     assert (decision.task, decision.why.kind) == (look, Kind.SWITCH_COSTS)
-    assert scene.last_why(pour) == (fact(Kind.LEFT_FOR, hfsm.TaskName.LOOK_AROUND, decision.why),)
+    assert scene.last_why(pour) == (fact(Kind.LEFT_FOR, "look_around", decision.why),)
     scene.ta(WorkerState.PREEMPTED)
     scene.plan(5.0)
     scene.ta(WorkerState.SUCCEEDED)
@@ -82,7 +85,7 @@ def test_where_leaving_costs_too_much_the_running_task_goes_on_and_the_other_one
     assert P.CANCEL not in scene.acts("ta")
     decision = scene.memory.decision
     assert decision.why.kind is Kind.WAIT_COSTS
-    assert scene.last_why(look) == (fact(Kind.GOES_ON, hfsm.TaskName.POUR, "jar", "bowl", decision.why),)
+    assert scene.last_why(look) == (fact(Kind.GOES_ON, "pour", "jar", "bowl", decision.why),)
     assert (decision.switch, decision.rival) == (False, look)
     assert decision.switch_cost >= 0.9 * decision.wait_cost > 0.0
 
@@ -95,7 +98,7 @@ def test_a_decision_is_made_once_with_the_same_parameters(scene):
     scene.plan(5.0)
     before = len(told(scene, look))
     for number in range(5):
-        scene.ta(WorkerState.RUNNING, at=f"end/{number}")
+        scene.ta(WorkerState.RUNNING, at=hfsm.Place(("end", f"{number}")))
     assert len(told(scene, look)) == before
 
 
@@ -172,9 +175,9 @@ def test_a_planner_that_is_late_about_parameters_does_not_end_the_task_that_runs
 def test_the_order_of_those_that_wait_is_by_costs_once_all_are_known(scene):
     """Two looks of 60 s and 5 s: the short one is next though it came last, and hears why."""
     scene.puppets["pl"].answer = stop_planning
-    scene.command(cmd.Take("jar"))
+    scene.command(Take("jar"))
     scene.plan(20.0, suspend=500.0)
-    long, short = scene.command(cmd.Take("box")), scene.command(LOOK)
+    long, short = scene.command(Take("box")), scene.command(LOOK)
     scene.plan(60.0)
     scene.plan(5.0)
     scene.ta(WorkerState.SUCCEEDED)
@@ -192,7 +195,7 @@ def test_a_later_leg_of_the_plan_has_its_own_parameters(scene):
     scene.pl(P.INFORM, plan)
     job = scene.memory.of_hi(name)
     assert job.parameters == legs[0]
-    scene.ta(WorkerState.RUNNING, at="pour jar_1/move-joint")
+    scene.ta(WorkerState.RUNNING, at=hfsm.Place(("pour jar_1", "move-joint")))
     assert scene.memory.of_hi(name).parameters == legs[1]
 
 
@@ -206,12 +209,12 @@ def at(scene, seconds, task=LOOK):
 
 def test_a_task_that_begins_later_keeps_nobody_waiting(scene):
     """It is told when it begins; what comes meanwhile is done, and it is planned when its time has come."""
-    later = scene.command(at(scene, 300.0, cmd.Take("jar", urgency=1)))
+    later = scene.command(at(scene, 300.0, Take("jar", urgency=1)))
     (((begins,),),) = [told(scene, later)]
     assert begins.kind is Kind.BEGINS_IN
     assert begins.numbers == pytest.approx((300.0,), abs=0.1)
     assert P.REQUEST not in scene.acts("pl")
-    first = scene.running(cmd.Take("jar"))
+    first = scene.running(Take("jar"))
     assert P.CANCEL not in scene.acts("ta")
     scene.ta(WorkerState.SUCCEEDED)
     assert scene.said(first)[-1] == "inform done"
@@ -225,7 +228,7 @@ def test_a_task_that_begins_later_keeps_nobody_waiting(scene):
 
 def test_a_more_urgent_task_interrupts_when_its_time_has_come(scene):
     """Not before."""
-    scene.command(at(scene, 20.0, cmd.LookAround(urgency=1)))
+    scene.command(at(scene, 20.0, LookAround(urgency=1)))
     scene.running(POUR)
     scene.settle(15.0)
     assert P.CANCEL not in scene.acts("ta")
@@ -255,7 +258,7 @@ def test_the_time_to_start_comes_though_co_died_meanwhile(scene):
 def test_tasks_that_begin_together_keep_their_order(scene):
     """Take it, put it down: said in one sentence for later."""
     start = scene.wires.now + 30.0
-    for task in (cmd.Take("jar"), cmd.PutDown("jar")):
+    for task in (Take("jar"), PutDown("jar")):
         scene.command(replace(task, start=start))
     scene.settle(60.0)
     assert [kind for kind, _ in stages(scene)] == ["Take", "PutDown"]

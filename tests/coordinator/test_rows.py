@@ -11,6 +11,13 @@ from companion.languages import cmd, hfsm
 from companion.languages.facts import Kind, fact
 from companion.languages.sw import FINAL, WorkerState
 from companion.languages.values import Side
+from companion.tasks.bring.command import Bring
+from companion.tasks.clear_table.command import ClearTable
+from companion.tasks.look_around.command import LookAround
+from companion.tasks.pour.command import PourInto
+from companion.tasks.put_down.command import PutDown
+from companion.tasks.swap_hands.command import SwapHands
+from companion.tasks.take.command import Take
 from fipa_codec import languages
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Reason
@@ -21,11 +28,11 @@ from services.coordinator.memory import Limits
 NOT_LOCALIZED = fact(Kind.NOT_LOCALIZED, "bowl_1")
 
 
-def told_in_log(scene):
-    """Return a list to which the sentences that peers say are added as co logs them."""
+def told_in_log(scene, event="refused"):
+    """Return a list to which sentences of peers and runtime are added as co logs them, in lines of this event."""
     logged = []
     scene.wires.on_step = lambda agent, effects: logged.extend(
-        line.fields["why"] for line in effects.logs if agent == "co" and line.event == "refused"
+        line.fields["why"] for line in effects.logs if agent == "co" and line.event == event
     )
     return logged
 
@@ -36,7 +43,7 @@ def told_in_log(scene):
 def test_a_command_is_agreed_planned_run_and_done(scene):
     """hi hears of each stage, and of the states of the plan."""
     name = scene.running()
-    scene.ta(WorkerState.RUNNING, at="main/take")
+    scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", "take")))
     scene.ta(WorkerState.SUCCEEDED)
     assert scene.said(name) == [
         "agree waiting",
@@ -46,22 +53,23 @@ def test_a_command_is_agreed_planned_run_and_done(scene):
         "inform running",
         "inform done",
     ]
-    assert [content.at for _, content in scene.heard("hi", name)] == ["", "", "", "end", "main/take", ""]
+    places = [content.at and content.at.path for _, content in scene.heard("hi", name)]
+    assert places == [None, None, None, ("end",), ("main", "take"), None]
     assert scene.at_rest()
 
 
 @pytest.mark.parametrize(
     ("command", "task"),
     [
-        (cmd.PourInto("jar", "bowl"), hfsm.Task("pour", ("jar", "bowl"))),
-        (cmd.Take("jar", "left"), hfsm.Task("take", ("jar", "left"))),
-        (cmd.Bring("jar", "right"), hfsm.Task("bring", ("jar", "right"))),
-        (cmd.SwapHands(), hfsm.Task("swap_hands", ("",))),
-        (cmd.PutDown("jar", "cabinet"), hfsm.Task("put_at", ("jar", "cabinet"))),
-        (cmd.PutDown("jar", cmd.BACK), hfsm.Task("put_at", ("jar", "back"))),
-        (cmd.ClearTable(), hfsm.Task("clear_table", ())),
-        (cmd.PutDown("bowl"), hfsm.Task("put_down", ("bowl",))),
-        (cmd.LookAround(), hfsm.Task("look_around", ())),
+        (PourInto("jar", "bowl"), hfsm.Task("pour", ("jar", "bowl"))),
+        (Take("jar", "left"), hfsm.Task("take", ("jar", "left"))),
+        (Bring("jar", "right"), hfsm.Task("bring", ("jar", "right"))),
+        (SwapHands(), hfsm.Task("swap_hands", ("",))),
+        (PutDown("jar", "cabinet"), hfsm.Task("put_at", ("jar", "cabinet"))),
+        (PutDown("jar", cmd.BACK), hfsm.Task("put_at", ("jar", "back"))),
+        (ClearTable(), hfsm.Task("clear_table", ())),
+        (PutDown("bowl"), hfsm.Task("put_down", ("bowl",))),
+        (LookAround(), hfsm.Task("look_around", ())),
     ],
 )
 def test_a_command_becomes_its_ground_task(scene, command, task):
@@ -75,7 +83,7 @@ def test_a_command_becomes_its_ground_task(scene, command, task):
 def test_every_inform_of_ta_is_confirmed(scene):
     """As many confirms as reports, final ones included; also after a cancel."""
     name = scene.running()
-    scene.ta(WorkerState.RUNNING, at="main/a")
+    scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", "a")))
     scene.ta(WorkerState.ERROR, why=(SLIPS,))
     scene.cancel(name)
     scene.ta(WorkerState.TERMINATING)
@@ -130,7 +138,7 @@ def test_replan_asks_for_another_plan_of_the_same_task(scene):
 @pytest.mark.parametrize("named", ["", "jar_1"])
 def test_a_swap_means_the_same_thing_in_its_second_plan(scene, named):
     """Amid the swap it is in no hand: the first plan said which thing goes into which hand."""
-    scene.command(cmd.SwapHands(named))
+    scene.command(SwapHands(named))
     plan = replace(a_plan(), holds={Side.RIGHT: "jar_1"})
     scene.pl(P.INFORM, plan)
     scene.ta(WorkerState.REPLAN, why=(fact(Kind.NOT_STRAIGHT, Side.RIGHT),))
@@ -290,7 +298,7 @@ def test_late_while_running_fails_the_task_and_awaits_the_last_word(scene):
     scene.settle(551.0)
     assert scene.said(name)[-1] == "failure failed"
     assert scene.acts("ta")[-1] is P.CANCEL
-    scene.ta(WorkerState.RUNNING, at="main/put_down")
+    scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", "put_down")))
     scene.ta(WorkerState.PREEMPTED)
     assert scene.acts("ta")[-1] is P.CONFIRM
     assert scene.at_rest()
@@ -347,8 +355,8 @@ def test_waiting_tasks_go_on_when_the_late_robot_is_back_in_time(scene):
 
 def test_two_tasks_are_done_one_after_the_other_in_order_of_arrival(scene):
     """The second is planned after the first has ended, since the world is another one then."""
-    first = scene.command(cmd.Take("jar"))
-    second = scene.command(cmd.PutDown("jar"))
+    first = scene.command(Take("jar"))
+    second = scene.command(PutDown("jar"))
     scene.plan()
     assert scene.acts("pl").count(P.REQUEST) == 1
     scene.ta(WorkerState.SUCCEEDED)
@@ -369,7 +377,7 @@ def test_a_queue_that_is_full_refuses(scene):
 
 def test_each_task_of_a_full_queue_hears_how_many_come_before_it(scene):
     """With as many of them as there is room for in a report."""
-    names = [scene.command(cmd.PourInto(f"{'jar' * 10}_{number}", "bowl_1")) for number in range(5)]
+    names = [scene.command(PourInto(f"{'jar' * 10}_{number}", "bowl_1")) for number in range(5)]
     places = [next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in names]
     assert places[0] == (fact(Kind.IS_NEXT),)
     for before, (place,) in enumerate(places[1:], 1):
@@ -384,8 +392,8 @@ def test_each_task_of_a_full_queue_hears_how_many_come_before_it(scene):
 
 @pytest.mark.parametrize("peer", ["pl", "ta"])
 def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
-    """The peer is told not-understood, hi a failure, and the next command is served."""
-    name = scene.running() if peer == "ta" else scene.command()
+    """The peer is told not-understood, hi a failure, and the next command is served; the log says what was wrong."""
+    name, logged = scene.running() if peer == "ta" else scene.command(), told_in_log(scene, "broken")
     protocol, conversation = {"pl": "request", "ta": "coordinate"}[peer], scene.asked(peer)
 
     def slip(turn):
@@ -405,6 +413,7 @@ def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
 
     scene.do(peer, slip)
     assert scene.said(name)[-1] == "failure failed"
+    assert ["propose" in why for why in logged] == [True]
     assert scene.memory.jobs == ()
     assert scene.serves()
 
@@ -434,7 +443,7 @@ def test_a_dead_hi_gets_no_progress_but_its_result(scene):
     scene.wires.crash("hi", Point.BEFORE, restart_s=50.0)
     scene.do("hi", lambda turn: None)
     for number in range(40):
-        scene.ta(WorkerState.RUNNING, at=f"main/{number}")
+        scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", f"{number}")))
     scene.ta(WorkerState.SUCCEEDED)
     scene.settle(60.0)
     assert scene.said(name)[-1] == "inform done"
@@ -502,7 +511,7 @@ def test_a_plan_that_was_handed_over_is_not_kept(scene):
     """It would be in every record of co; and what hi was told of an earlier plan is not said of the next."""
     name = scene.running()
     assert scene.memory.first.plan is None
-    scene.ta(WorkerState.RUNNING, at="main/take")
+    scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", "take")))
     moved = fact(Kind.MOVED, "jar_1", 0.1)
     scene.ta(WorkerState.REPLAN, why=(moved,))
     assert scene.last_why(name) == (fact(Kind.PLAN, 2, moved),)

@@ -8,9 +8,13 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from partners_of_co import Scene
 
-from companion.languages import cmd
 from companion.languages.facts import Kind, fact
 from companion.languages.sw import WorkerState
+from companion.tasks.clear_table.command import ClearTable
+from companion.tasks.look_around.command import LookAround
+from companion.tasks.put_down.command import PutDown
+from companion.tasks.swap_hands.command import SwapHands
+from companion.tasks.take.command import Take
 from fipa_codec.performatives import Performative as P
 from services.coordinator.memory import Choice, Job, Stage
 from services.coordinator.offers import queued
@@ -143,9 +147,9 @@ def test_rules_differ_where_they_shall():
 # --- the queue of co --------------------------------------------------------------------------------------------------
 
 commands = st.one_of(
-    st.builds(cmd.Take, st.sampled_from(("jar", "jar_1", "bowl", "box")), urgency=st.integers(0, 1)),
-    st.builds(cmd.PutDown, st.sampled_from(("jar", "bowl")), deadline=st.sampled_from((0.0, 50.0, 90.0))),
-    st.builds(cmd.LookAround, deadline=st.sampled_from((0.0, 60.0))),
+    st.builds(Take, st.sampled_from(("jar", "jar_1", "bowl", "box")), urgency=st.integers(0, 1)),
+    st.builds(PutDown, st.sampled_from(("jar", "bowl")), deadline=st.sampled_from((0.0, 50.0, 90.0))),
+    st.builds(LookAround, deadline=st.sampled_from((0.0, 60.0))),
 )
 
 
@@ -175,43 +179,43 @@ def order_of(*said):
 
 def test_tasks_wait_in_order_of_their_deadlines_unless_they_are_about_the_same_thing():
     """One without a deadline comes last; jar and jar_1 may be the same one; a look is about nothing in particular."""
-    take, put = cmd.Take("jar", deadline=90.0), cmd.PutDown("bowl", deadline=50.0)
-    assert order_of(cmd.LookAround(), take, put) == [2, 1, 0]
-    assert order_of(take, cmd.PutDown("jar_1", deadline=50.0)) == [0, 1]
-    assert order_of(cmd.LookAround(deadline=90.0), cmd.LookAround(deadline=50.0)) == [1, 0]
-    assert order_of(take, cmd.PutDown("jar_1", deadline=50.0, urgency=1)) == [1, 0]
+    take, put = Take("jar", deadline=90.0), PutDown("bowl", deadline=50.0)
+    assert order_of(LookAround(), take, put) == [2, 1, 0]
+    assert order_of(take, PutDown("jar_1", deadline=50.0)) == [0, 1]
+    assert order_of(LookAround(deadline=90.0), LookAround(deadline=50.0)) == [1, 0]
+    assert order_of(take, PutDown("jar_1", deadline=50.0, urgency=1)) == [1, 0]
 
 
 def test_tasks_of_one_sentence_keep_their_order():
     """Their order does not depend on subjects or due times."""
-    assert order_of(cmd.Take("jar"), cmd.LookAround(after="0", deadline=20.0)) == [0, 1]
-    assert order_of(cmd.Take("jar"), cmd.LookAround(deadline=20.0)) == [1, 0]
+    assert order_of(Take("jar"), LookAround(after="0", deadline=20.0)) == [0, 1]
+    assert order_of(Take("jar"), LookAround(deadline=20.0)) == [1, 0]
 
 
 def test_a_table_is_cleared_after_what_was_said_before():
     """Things put there by then belong to it; later commands come after it."""
-    assert order_of(cmd.PutDown("bowl", "table"), cmd.ClearTable(deadline=20.0)) == [0, 1]
-    assert order_of(cmd.ClearTable(), cmd.Take("jar", deadline=20.0)) == [0, 1]
+    assert order_of(PutDown("bowl", "table"), ClearTable(deadline=20.0)) == [0, 1]
+    assert order_of(ClearTable(), Take("jar", deadline=20.0)) == [0, 1]
 
 
 def test_hands_are_swapped_in_the_order_of_what_was_said():
     """Whatever they hold by then; with a name it is about that thing alone."""
-    assert order_of(cmd.Take("jar"), cmd.SwapHands(deadline=20.0)) == [0, 1]
-    assert order_of(cmd.SwapHands(), cmd.Take("bowl", deadline=20.0)) == [0, 1]
-    assert order_of(cmd.Take("jar"), cmd.SwapHands("bowl", deadline=20.0)) == [1, 0]
-    assert order_of(cmd.ClearTable(), cmd.LookAround(deadline=20.0)) == [1, 0]
+    assert order_of(Take("jar"), SwapHands(deadline=20.0)) == [0, 1]
+    assert order_of(SwapHands(), Take("bowl", deadline=20.0)) == [0, 1]
+    assert order_of(Take("jar"), SwapHands("bowl", deadline=20.0)) == [1, 0]
+    assert order_of(ClearTable(), LookAround(deadline=20.0)) == [1, 0]
 
 
 def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
     """co's own steps: the one under way goes on, the urgent one is the next, and hears how many come before it."""
     scene = Scene()
-    tasks = [scene.command(one) for one in (cmd.Take("jar"), cmd.PutDown("jar"), cmd.LookAround(urgency=1))]
+    tasks = [scene.command(one) for one in (Take("jar"), PutDown("jar"), LookAround(urgency=1))]
     assert [type(job.command).__name__ for job in scene.memory.jobs] == ["Take", "LookAround", "PutDown"]
     agreed = [next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in tasks]
     first = fact(Kind.COMES_BEFORE, "take", "jar", fact(Kind.UNDER_WAY))
     waits = (fact(Kind.TASKS_BEFORE, 1, first),)
     assert agreed == [(fact(Kind.IS_NEXT),), waits, waits]
-    last = scene.command(cmd.PutDown("jar"))
+    last = scene.command(PutDown("jar"))
     told = next(said.why for act, said in scene.heard("hi", last) if act is P.AGREE)
     urgent = fact(Kind.COMES_BEFORE, "look_around", fact(Kind.MORE_URGENT))
     other = fact(Kind.COMES_BEFORE, "put_down", "jar", fact(Kind.SAID_BEFORE))
@@ -220,7 +224,7 @@ def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
 
 # --- a running task is left for a more urgent one ---------------------------------------------------------------------
 
-URGENT = cmd.LookAround(urgency=1)
+URGENT = LookAround(urgency=1)
 
 
 def test_a_running_task_is_left_for_a_more_urgent_one_and_done_afterwards(scene):

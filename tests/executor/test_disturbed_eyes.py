@@ -6,8 +6,8 @@ import pytest
 
 from companion.eyes import Eyes
 from companion.look_around import POINTS
+from companion.skills.motions import aim
 from services.executor.simulation import receptor
-from services.executor.skills.motions import aim
 from velma import names
 from velma.model.scene import load
 from velma.sim import disturbances

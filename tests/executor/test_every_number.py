@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from companion.languages import rc
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Within
+from companion.skills.loop_messages import Close, HandCommand, HeadGoal, Motion, Move, Phase, Until, motion
 from services.executor import words
 from services.executor.loop import act
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopCommand
-from services.executor.loop.program import Close, HandCommand, HeadGoal, Motion, Move, Phase, Until, motion
 from velma import ranges
 from velma.control.cartesian import CartesianGains
 from velma.control.dynamics import Dynamics
@@ -190,7 +190,7 @@ def test_a_hand_command_is_refused_by_its_field(drawn: tuple[Any, str], side: st
 
 
 @settings(max_examples=300, deadline=None)
-@given(almost(rc.Act))
+@given(almost(rc.Command))
 def test_a_command_of_the_language_is_refused_by_its_field(drawn: tuple[Any, str]) -> None:
     """What is right is not refused."""
     command, field = drawn

@@ -8,10 +8,10 @@ import pytest
 from msgspec.structs import replace
 
 from companion.look_around import POINTS
-from services.executor.eye_process import Sighted
+from companion.skills.motions import aim
+from companion.skills.sight import Neck
 from services.executor.looks import Saw
-from services.executor.sight import Neck
-from services.executor.skills.motions import aim
+from services.executor.renderer_process import Sighted
 from velma import names
 from velma.eyes import health
 from velma.eyes.fit import View

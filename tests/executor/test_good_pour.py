@@ -10,8 +10,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from pour_one_process import Run
 
 from companion.languages import rc
+from companion.skills.skill import Sensed
 from services.executor.simulation import InProcess
-from services.executor.skills.skill import Sensed
 from velma.model.scene import load, vary
 
 
@@ -34,7 +34,7 @@ class Kept(Run):
 
     ill: tuple[rc.Ill, ...] = ()
 
-    def act(self, command: rc.Act) -> rc.Done | rc.NotDone:
+    def act(self, command: rc.Command) -> rc.Done | rc.NotDone:
         """Perform a command."""
         outcome = super().act(command)
         self.ill += outcome.ill

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from companion.eyes import Eyes
 from companion.look_around import POINTS
-from services.executor.sight import Eye, Sight
+from companion.skills.motions import aim
+from companion.skills.sight import Eye, Sight
 from services.executor.simulation import receptor
-from services.executor.skills.motions import aim
 from velma import names
 from velma.kinematics.frames import heading
 from velma.model import leaves

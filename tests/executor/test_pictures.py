@@ -1,4 +1,4 @@
-"""Pictures for people: begun where something moved, one at a time, and a child that dies or hangs is replaced."""
+"""Pictures for people: begun where something moved, one at a time; a child that dies or hangs is replaced."""
 
 import os
 import signal
@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
+from companion.skills.motions import aim
 from companion.telemetry import PICTURE_S, Picture, told
 from services.executor import pictures
 from services.executor.local import Setup
-from services.executor.pictures import AGAIN_S, LATE_S, PAUSE_S, SHRINK, STILL, Pictures
-from services.executor.skills.motions import aim
+from services.executor.looks import SHRINK
+from services.executor.pictures import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
 from velma import names
 from velma.eyes.lens import HEIGHT, WIDTH
 from velma.eyes.shown import smaller
@@ -74,20 +75,17 @@ def eye(screen: Screen) -> Iterator[Pictures]:
 
 
 @pytest.mark.needs_opengl
-def test_a_picture_is_what_the_camera_sees_in_the_least_of_priorities(screen: Screen, eye: Pictures) -> None:
+def test_a_picture_is_what_the_camera_sees(screen: Screen, eye: Pictures) -> None:
     """Of that very state; some kilobytes; and while one is under way no other is begun."""
     assert eye.offer(7.5, WORLD, now=100.0)
     assert not eye.offer(7.6, WORLD + 0.1, now=100.0 + 2 * PICTURE_S)
-    child = eye._child
-    assert child is not None
     found = screen.next()
     assert found.sim_time_s == 7.5
     camera = HeadCamera(marked(load()), WIDTH, HEIGHT)
-    for file, picture in ((found.jpeg, smaller(camera.picture(WORLD), SHRINK)), (found.room, camera.room())):
+    for file, picture in ((found.jpeg, smaller(camera.picture(WORLD), SHRINK)), (found.room, camera.room(WORLD))):
         assert np.abs(pixels(file) - picture).mean() < 5.0
         assert len(file) < 20_000
     camera.close()
-    assert os.getpriority(os.PRIO_PROCESS, child.pid) == 19
 
 
 @pytest.mark.needs_opengl
@@ -109,23 +107,25 @@ def test_markers_that_are_found_in_it_are_told(screen: Screen, eye: Pictures) ->
 
 @pytest.mark.needs_opengl
 def test_only_what_moved_is_looked_at_again(screen: Screen, eye: Pictures) -> None:
-    """Not twice within PICTURE_S; at rest after AGAIN_S only."""
+    """Not twice within PICTURE_S; at rest the last picture is told again after AGAIN_S."""
     moved = WORLD.copy()
     moved[3] += 2 * STILL
     swayed = moved + 0.5 * STILL
     for after, world, begun in (
         (0.0, WORLD, True), (0.5 * PICTURE_S, moved, False), (1.1 * PICTURE_S, WORLD, False),
-        (1.2 * PICTURE_S, moved, True), (2.5 * PICTURE_S, swayed, False), (1.3 * PICTURE_S + AGAIN_S, swayed, True),
+        (1.2 * PICTURE_S, moved, True), (2.5 * PICTURE_S, swayed, False), (1.3 * PICTURE_S + AGAIN_S, swayed, False),
     ):  # fmt: skip
         assert eye.offer(0.0, world, now=100.0 + after) is begun, after
         if begun:
             screen.next()
+    assert len(screen.found) == 3
+    assert screen.found[-1] == screen.found[-2]
 
 
 def test_a_back_end_without_a_world_gets_no_child(eye: Pictures) -> None:
     """The mock, or a real robot."""
     assert not eye.offer(0.0, np.zeros(0), now=100.0)
-    assert eye._child is None
+    assert not eye.renderer.pid
 
 
 @pytest.mark.needs_opengl
@@ -133,11 +133,9 @@ def test_a_child_that_died_is_replaced_after_a_pause(screen: Screen, eye: Pictur
     """However it died; not at once, lest one that always dies keeps the machine busy."""
     assert eye.offer(0.0, WORLD, now=100.0)
     screen.next()
-    child = eye._child
-    assert child is not None
-    os.kill(child.pid, signal.SIGKILL)
+    os.kill(eye.renderer.pid, signal.SIGKILL)
     end = time.monotonic() + WITHIN_S
-    while child.alive and time.monotonic() < end:
+    while not eye._failed and time.monotonic() < end:
         threading.Event().wait(0.01)
     assert not eye.offer(1.0, WORLD + 1.0, now=110.0)
     assert not eye.offer(1.0, WORLD + 1.0, now=110.0 + 0.9 * PAUSE_S)
@@ -150,14 +148,15 @@ def test_a_child_that_hangs_is_killed(screen: Screen, eye: Pictures) -> None:
     """Nobody waits for it meanwhile."""
     assert eye.offer(0.0, WORLD, now=100.0)
     screen.next()
-    child = eye._child
-    assert child is not None
-    os.kill(child.pid, signal.SIGSTOP)
-    assert eye.offer(1.0, WORLD, now=120.0)
-    assert not eye.offer(2.0, WORLD + 1.0, now=120.0 + 0.9 * LATE_S)
-    assert child.alive
-    assert not eye.offer(2.0, WORLD + 1.0, now=120.0 + 1.1 * LATE_S)
-    assert not child.alive
+    os.kill(pid := eye.renderer.pid, signal.SIGSTOP)
+    assert eye.offer(1.0, WORLD + 1.0, now=120.0)
+    assert not eye.offer(2.0, WORLD + 2.0, now=120.0 + 0.9 * LATE_S)
+    assert eye.renderer.pid == pid
+    assert not eye.offer(2.0, WORLD + 2.0, now=120.0 + 1.1 * LATE_S)
+    end = time.monotonic() + WITHIN_S
+    while eye.renderer.pid and time.monotonic() < end:
+        threading.Event().wait(0.01)
+    assert not eye.renderer.pid
     assert len(screen.found) == 1
 
 
@@ -165,12 +164,10 @@ def test_a_child_that_hangs_is_killed(screen: Screen, eye: Pictures) -> None:
 def test_without_opengl_no_child_is_started_again(eye: Pictures, capsys: pytest.CaptureFixture[str]) -> None:
     """It ends without a picture, and another one would: that is said once, with its exception."""
     assert eye.offer(0.0, WORLD, now=100.0)
-    child = eye._child
-    assert child is not None
     end = time.monotonic() + WITHIN_S
     while not eye._blind and time.monotonic() < end:
         threading.Event().wait(0.01)
-    assert not child.alive
+    assert not eye.renderer.pid
     assert not eye.offer(1.0, WORLD + 1.0, now=100.0 + 10 * PAUSE_S)
     said = capsys.readouterr().err
     assert said.startswith("no pictures of the robot: GlError: OpenGL does not draw here: ")
@@ -181,7 +178,8 @@ def test_where_nothing_can_be_drawn_no_child_is_started(screen: Screen) -> None:
     """ex knows it from its start."""
     made = Pictures(screen, Setup(), blind=True)
     assert not made.offer(0.0, WORLD, now=100.0)
-    assert made._child is None
+    assert not made.renderer.pid
+    made.close()
 
 
 def test_the_agent_does_not_load_the_simulator_for_it() -> None:

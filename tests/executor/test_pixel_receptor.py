@@ -12,12 +12,12 @@ from msgspec.structs import replace
 from agent_runtime.core.errors import WorkerError
 from companion.eyes import VARIABLE, Eyes, eyes
 from companion.look_around import POINTS
-from services.executor import pixel_receptor
-from services.executor.pixel_receptor import PixelReceptor
+from companion.skills.motions import aim
+from companion.skills.sight import Eye, Neck, Sight
+from services.executor import renderer
+from services.executor.pixel_receptor import OwnPixelReceptor
 from services.executor.receptor import Receptor
-from services.executor.sight import Eye, Neck, Sight
 from services.executor.simulation import receptor
-from services.executor.skills.motions import aim
 from velma import names
 from velma.model.scene import Scene, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
@@ -102,11 +102,11 @@ def test_each_look_has_its_own_noise(eye: Eye) -> None:
 @pytest.mark.needs_opengl
 def test_a_child_that_died_is_replaced_within_the_look() -> None:
     """The look gives what it would have given; the next one, too."""
-    made = PixelReceptor(SCENE)
+    made = OwnPixelReceptor(SCENE)
     try:
         world, neck = turned(tuple(place("jar_1")))
         assert off(made.look(world, neck), "jar_1") < 0.006
-        os.kill(made._child.pid, signal.SIGKILL)
+        os.kill(made.renderer.pid, signal.SIGKILL)
         assert off(made.look(world, neck), "jar_1") < 0.006
     finally:
         made.close()
@@ -114,9 +114,9 @@ def test_a_child_that_died_is_replaced_within_the_look() -> None:
 
 def test_a_child_that_gives_no_answer_ends_in_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not in waiting for ever."""
-    monkeypatch.setattr(pixel_receptor, "WITHIN_S", 0.2)
-    monkeypatch.setattr(pixel_receptor, "ENTRY", "agent_runtime.io.worker:no_such_function")
-    made = PixelReceptor(SCENE)
+    monkeypatch.setattr(renderer, "WITHIN_S", 0.2)
+    monkeypatch.setattr(renderer, "ENTRY", "agent_runtime.io.worker:no_such_function")
+    made = OwnPixelReceptor(SCENE)
     try:
         with pytest.raises(WorkerError, match="does not see"):
             made.look(*turned(POINTS[0]))
@@ -127,7 +127,7 @@ def test_a_child_that_gives_no_answer_ends_in_an_error(monkeypatch: pytest.Monke
 @pytest.mark.usefixtures("no_opengl")
 def test_without_opengl_the_look_says_so() -> None:
     """By the exception of the child that could not draw."""
-    made = PixelReceptor(SCENE)
+    made = OwnPixelReceptor(SCENE)
     try:
         with pytest.raises(WorkerError, match=r"GlError: .*libEGL\.so\.1: file too short"):
             made.look(*turned(POINTS[0]))
@@ -140,7 +140,7 @@ def test_a_camera_that_is_not_where_the_robot_thinks_errs() -> None:
     """The scene's calibration error, by a degree: things are seen centimetres aside, all to the same side."""
     noise = replace(SCENE.noise, camera_turn=0.0175)
     askew: Scene = replace(SCENE, noise=noise)
-    made = PixelReceptor(askew)
+    made = OwnPixelReceptor(askew)
     try:
         found = made.look(*turned(tuple(place("jar_1"))))
         assert 0.003 < off(found, "jar_1") < 0.05

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from companion.skills.motions import aim
+from companion.skills.sight import Sight
 from services.executor.receptor import FARTHEST_M, LEAST_M, TURN_NOISE, Receptor
-from services.executor.sight import Sight
-from services.executor.skills.motions import aim
 from velma import names
 from velma.kinematics import ik
 from velma.kinematics.frames import standing

@@ -8,11 +8,12 @@ import msgspec
 from pretended_fleet import Fleet
 
 from agent_runtime.testing.wires import LATENCY_S
-from companion.languages import RC
+from companion.all_languages import RC
+from companion.design import DESIGN
 from fipa_codec.communicate import Communicate
 
 COMMAND = "pour the jar into the bowl"
-VICTIMS = ("hi", "co", "pl", "km", "ta", "ex")
+VICTIMS = tuple(DESIGN.agents)
 
 
 class Side(StrEnum):

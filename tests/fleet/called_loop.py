@@ -7,9 +7,9 @@ import numpy as np
 
 from agent_runtime.io.devices import Post
 from companion.languages.facts import Facts
+from companion.skills.loop_messages import Phase
 from services.executor.local import Brake, Do, Felt, GoOn, Halt, Moved, Passing, Stands, Where
 from services.executor.loop.core import LoopCore
-from services.executor.loop.program import Phase
 from velma.names import SIDES
 
 

@@ -1,5 +1,6 @@
-"""The six agents on virtual wires, with a person at hi; search and robot as the test wants them."""
+"""All agents of the design on virtual wires, with a person at hi; search and robot as the test wants them."""
 
+from importlib import import_module
 from typing import Any
 
 from pretended_robot import Robot, World
@@ -7,20 +8,18 @@ from scripted_search import Script
 
 from agent_runtime.io.devices import DeviceMaker, Post
 from agent_runtime.testing.wires import Faults, Wires
+from companion.all_languages import SW
 from companion.binding import wiring
-from companion.languages import SW, sw, wm
+from companion.design import DESIGN
+from companion.languages import sw, wm
 from companion.languages.cmd import TaskState
-from services.coordinator import behaviours as coordinator
-from services.executor import behaviours as executor
-from services.human_interface import behaviours as human_interface
+from companion.tools.system import JOB, PROCESSES
 from services.human_interface.grammar import understand
 from services.human_interface.local import Answer, CancelWanted, Said
-from services.knowledge import behaviours as knowledge
 from services.knowledge import store_device
-from services.planner import behaviours as planner
-from services.task import behaviours as task
 
-NAMES = ("hi", "co", "pl", "km", "ta", "ex")
+MODULES = {one.name: f"{one.module}.behaviours" for one in PROCESSES if one.name in DESIGN.agents}
+NAMES = tuple(DESIGN.agents)
 FINAL = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
 
 
@@ -55,16 +54,15 @@ class Fleet:
         self.world, self.person = World(), Person()
         self.asked: list[wm.AnyQuery] = []
         self._tickets = 0
-        agents = {
-            "hi": (human_interface.agent(), lambda post: self.person),
-            "co": (coordinator.agent(), None),
-            "pl": (planner.agent(), search or (lambda post: Script(post, self.asked))),
-            "km": (knowledge.agent(), store_device.at(None)),
-            "ta": (task.agent(), None),
-            "ex": (executor.agent(), robot or self._robot),
+        devices = {
+            "hi": lambda post: self.person,
+            "pl": search or (lambda post: Script(post, self.asked)),
+            "km": store_device.at(None),
+            "ex": robot or self._robot,
         }
-        for name, (agent, device) in agents.items():
-            self.wires.add(agent, wiring(name, "test"), device)
+        for name in NAMES:
+            agent = import_module(MODULES[name]).agent()
+            self.wires.add(agent, wiring(name, "test"), devices.get(name))
 
     def _robot(self, post: Post) -> Robot:
         return Robot(post, self.world, lambda delay, call: self.wires._at(self.wires.now + delay, call))
@@ -102,9 +100,8 @@ class Fleet:
 
     def at_rest(self) -> bool:
         """All agents are up and wait for something new."""
-        rest = {"hi": "listening", "co": "trigger", "pl": "idle", "km": "idle", "ta": "idle", "ex": "idle"}
         nodes = self.wires.nodes
-        return all(self.up(name) and nodes[name].state.state == state for name, state in rest.items()) and not any(
+        return all(self.up(name) and nodes[name].state.state == state for name, state in JOB.rests.items()) and not any(
             nodes[name].state.conversations or nodes[name].state.due for name in NAMES
         )
 

@@ -12,6 +12,8 @@ from msgspec.structs import replace
 from agent_runtime.io.devices import Post
 from companion.languages import rc, rs
 from companion.languages.values import Pose
+from companion.skills.loop_messages import Motion, motion
+from companion.tasks.pour.done import Pour
 from services.executor.local import (
     Brake,
     Do,
@@ -29,7 +31,6 @@ from services.executor.local import (
     Stands,
     Where,
 )
-from services.executor.loop.program import Motion, motion
 from services.executor.remembered import Holding, Remembered
 
 REST = np.zeros(15)
@@ -139,7 +140,7 @@ class Robot:
         kept = self._changed(perform.command, perform.remembered)
         seen = tuple(self._sights(kept)) if isinstance(perform.command, rc.Look) else ()
         outcome = rc.Done(perform.command.key, _posture(kept), seen, kept.holding(), 2.0)
-        if isinstance(perform.command, rc.Pour):
+        if isinstance(perform.command, Pour):
             outcome = replace(outcome, weighed=(0.26, 0.2), arrived=True)
         self._post(Ended(number, outcome, kept), 0.01)
 
@@ -156,7 +157,7 @@ class Robot:
             if name not in held:
                 yield rs.Seen(name, self._world.models[name], pose, self._world.sim_time)
 
-    def _changed(self, command: rc.Act, kept: Remembered) -> Remembered:
+    def _changed(self, command: rc.Command, kept: Remembered) -> Remembered:
         held = dict(kept.held)
         match command:
             case rc.Grasp(side=side, object=name, grasp=grasp, mass=mass):
@@ -165,7 +166,7 @@ class Robot:
                 if side in held:
                     self._world.poses[name] = command.place or PLACED
                     del held[side]
-            case rc.Pour():
+            case Pour():
                 self._world.poured += 1
         return replace(kept, q=tuple(float(x) for x in REST), held=held, time=self._world.sim_time)
 

@@ -11,9 +11,10 @@ from agent_runtime.io.devices import Post
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
-from services.planner.local import Answer, Ask, Begin, Found, NotFound, Stop
+from companion.tasks.pour.done import Pour
+from services.planner.local import Answer, Ask, Begin, Found, Stop
 
-Searching = Generator[wm.AnyQuery, wm.AnyAnswer, hfsm.HierarchicalPlan | str]
+Searching = Generator[wm.AnyQuery, wm.AnyAnswer, hfsm.HierarchicalPlan | hfsm.NoPlan]
 OK, REPLAN = hfsm.Outcome.SUCCEEDED, hfsm.Outcome.REPLAN
 HERE = Pose((0.0, 0.0, 0.0))
 THINK_S = 0.02
@@ -49,9 +50,7 @@ class Script:
         try:
             query = next(self._work) if answer is None else self._work.send(answer)
         except StopIteration as stop:
-            found = stop.value
-            word = NotFound(self._attempt, found) if isinstance(found, tuple) else Found(self._attempt, found)
-            self._post(word, THINK_S)
+            self._post(Found(self._attempt, stop.value), THINK_S)
             return
         self._asked.append(query)
         self._post(Ask(self._attempt, query), THINK_S)
@@ -60,13 +59,14 @@ class Script:
 def pour(network: hfsm.GroundTaskNetwork) -> Searching:
     """The plan that fits the world as km tells it."""
     if network.tasks[0].name == "look_around":
-        return plan_of(network, [("look around", [look("jar_1")])])
+        return plan_of(network, [(hfsm.Step("look-around"), [look("jar_1")])])
     known = yield wm.ListObjects()
     if isinstance(known, wm.Unknown):
-        return known.why
+        return hfsm.NoPlan(network.id, known.why)
     names = {one.id for one in known.objects} if isinstance(known, wm.Objects) else set()
     if not {"jar_1", "bowl_1"} <= names:
-        return (fact(Kind.NOT_SEEN, "jar"), fact(Kind.SEEN, *sorted(names)) if names else fact(Kind.SEEN_NOTHING))
+        seen = fact(Kind.SEEN, *sorted(names)) if names else fact(Kind.SEEN_NOTHING)
+        return hfsm.NoPlan(network.id, (fact(Kind.NOT_SEEN, "jar"), seen))
     state = ""
     for number in range(4):  # a chain of hypotheses, each asked something
         made = yield wm.HypotheticalState(state=state, id=f"{network.id}/{number}")
@@ -82,18 +82,18 @@ def pour(network: hfsm.GroundTaskNetwork) -> Searching:
     return plan_of(network, steps(jar.side, bowl.side, where))
 
 
-def steps(jar: Side | None, bowl: Side | None, where: wm.PoseOf) -> list[tuple[str, list[rc.Act]]]:
+def steps(jar: Side | None, bowl: Side | None, where: wm.PoseOf) -> list[tuple[hfsm.Step, list[rc.Command]]]:
     """Return the steps still to be done."""
-    todo: list[tuple[str, list[rc.Act]]] = []
+    todo: list[tuple[hfsm.Step, list[rc.Command]]] = []
     if jar is None:
-        todo.append(("take jar_1", [move(Side.LEFT), grasp(Side.LEFT, "jar_1")]))
+        todo.append((hfsm.Step("take", ("jar_1",)), [move(Side.LEFT), grasp(Side.LEFT, "jar_1")]))
     if bowl is None and where.exact and where.pose.xyz == PLACE.xyz:
-        tilt = rc.Pour("", Side.LEFT, "jar_1", "bowl_1", 0.0, 0.0, (0.5, 2.0), 1.0, 0.1)
-        return [*todo, ("pour jar_1 bowl_1", [move(Side.LEFT), tilt])]
+        tilt = Pour("", Side.LEFT, "jar_1", "bowl_1", 0.0, 0.0, (0.5, 2.0), 1.0, 0.1)
+        return [*todo, (hfsm.Step("pour", ("jar_1", "bowl_1")), [move(Side.LEFT), tilt])]
     if bowl is None:
-        todo.append(("take bowl_1", [move(Side.RIGHT), grasp(Side.RIGHT, "bowl_1")]))
+        todo.append((hfsm.Step("take", ("bowl_1",)), [move(Side.RIGHT), grasp(Side.RIGHT, "bowl_1")]))
     release = rc.Release("", Side.RIGHT, "bowl_1", "table_1", PLACE, ())
-    return [*todo, ("put bowl_1 down", [release]), ("look at bowl_1", [look("bowl_1")])]
+    return [*todo, (hfsm.Step("place", ("bowl_1",)), [release]), (hfsm.Step("look-at", ("bowl_1",)), [look("bowl_1")])]
 
 
 def move(side: Side) -> rc.MoveJoint:
@@ -116,14 +116,14 @@ def look(name: str) -> rc.Look:
     return rc.Look("", ((1.0, 0.0, 1.0),))
 
 
-def plan_of(network: hfsm.GroundTaskNetwork, todo: list[tuple[str, list[rc.Act]]]) -> hfsm.HierarchicalPlan:
+def plan_of(network: hfsm.GroundTaskNetwork, todo: list[tuple[hfsm.Step, list[rc.Command]]]) -> hfsm.HierarchicalPlan:
     """Steps chained; a plan without a pour ends in Replan once the bowl is localized."""
-    machines = [machine(network.id, number, name, acts) for number, (name, acts) in enumerate(todo)]
+    machines = [machine(network.id, number, step, acts) for number, (step, acts) in enumerate(todo)]
     states: list[hfsm.State] = list(machines)
-    if todo[-1][0].startswith("look at"):
+    if todo[-1][0].does == "look-at":
         query = wm.Holds(relation="hasExactPose", subject="bowl_1")
         states += [
-            hfsm.AskState("is bowl_1 localized?", query),
+            hfsm.AskState("localize bowl_1", query),
             hfsm.EndState("replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),)),
         ]
     chained = chain(states)
@@ -131,7 +131,7 @@ def plan_of(network: hfsm.GroundTaskNetwork, todo: list[tuple[str, list[rc.Act]]
     return hfsm.HierarchicalPlan(network.id, network.tasks[0].name, root, 4.0 * len(todo), 12)
 
 
-def machine(plan: str, number: int, name: str, acts: list[rc.Act]) -> hfsm.Machine:
+def machine(plan: str, number: int, step: hfsm.Step, acts: list[rc.Command]) -> hfsm.Machine:
     """One step, with what puts everything down if it is cancelled."""
     keyed = [type(act)(**{**fields(act), "key": f"{plan}/{number}.{k}"}) for k, act in enumerate(acts)]
     leaves = chain([hfsm.ActState(f"{type(act).__name__.lower()} {k}", act) for k, act in enumerate(keyed)])
@@ -142,10 +142,13 @@ def machine(plan: str, number: int, name: str, acts: list[rc.Act]) -> hfsm.Machi
         for side, thing in ((Side.RIGHT, "bowl_1"), (Side.LEFT, "jar_1"))
     ]
     safe = chain(list(downs))
-    return hfsm.Machine(name, leaves[0].name, leaves, safe=hfsm.Machine("put down", safe[0].name, safe))
+    name, down = " ".join((step.does.replace("-", " "), *step.things)), hfsm.Step("put-everything-down")
+    return hfsm.Machine(
+        name, leaves[0].name, leaves, safe=hfsm.Machine("put down", safe[0].name, safe, step=down), step=step
+    )
 
 
-def fields(act: rc.Act) -> dict[str, object]:
+def fields(act: rc.Command) -> dict[str, object]:
     """The fields of a command."""
     return {name: getattr(act, name) for name in act.__struct_fields__}
 

@@ -3,8 +3,8 @@
 from typing import Any
 
 from agent_runtime.testing.wires import Wires
+from companion.all_languages import LANGUAGES
 from companion.design import DESIGN
-from companion.languages import LANGUAGES
 from fipa_codec.communicate import Communicate, encode
 from topdown.judge.judge import Judge
 from topdown.judge.verdicts import Judgement

@@ -5,8 +5,8 @@ import pytest
 from agent_runtime.core.wiring import Link
 from agent_runtime.testing.alone import Alone
 from companion.binding import wiring
-from companion.languages import cmd
 from companion.languages.facts import Kind, fact
+from companion.tasks.pour.command import PourInto
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import named
 from fipa_codec.tables import Role
@@ -52,11 +52,11 @@ def test_an_opening_without_content_is_not_understood(name: str, link: Link, act
 def test_a_plan_without_content_fails_the_task_in_words() -> None:
     """The coordinator tells the person why, and takes the next task."""
     one = Alone(coordinator.agent(), wiring("co", "test"))
-    asked = one.ask("hi", "request", Performative.REQUEST, cmd.PourInto("jar", "bowl"))
+    asked = one.ask("hi", "request", Performative.REQUEST, PourInto("jar", "bowl"))
     (planning,) = [say.conversation for say in one.said if say.receiver == "pl"]
     one.answer(planning, Performative.INFORM)
     assert one.answers(asked)[-1] is Performative.FAILURE
     assert (fact(Kind.NO_REASON, "pl"),) in [getattr(one.content(word), "why", ()) for word in one.said]
-    one.ask("hi", "request", Performative.REQUEST, cmd.PourInto("jar", "bowl"))
+    one.ask("hi", "request", Performative.REQUEST, PourInto("jar", "bowl"))
     assert [word.receiver for word in one.said].count("pl") == 2
     assert not [line for line in one.logs if line.event == "step outside the design"]

@@ -12,7 +12,8 @@ from pretended_robot import Robot, World
 from agent_runtime.core.events import PeerChanged
 from agent_runtime.io.devices import Post
 from agent_runtime.testing.wires import Faults, Point
-from companion.languages import CMD, WM, rc, wm
+from companion.all_languages import CMD, WM
+from companion.languages import rc, wm
 from companion.languages.cmd import TaskReport
 from companion.languages.facts import Facts, Kind, fact, with_reasons
 from companion.languages.values import Pose

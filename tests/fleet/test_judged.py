@@ -7,10 +7,11 @@ from pretended_fleet import Fleet
 from tapped_fleet import Tapped
 
 from agent_runtime.testing.wires import Faults, Point
+from companion.design import DESIGN
 from topdown.judge.verdicts import Verdict
 
 STEPS = (2, 5, 9, 14, 22, 35, 51, 80)
-VICTIMS = ("co", "pl", "km", "ta", "ex", "hi")
+VICTIMS = tuple(DESIGN.agents)
 
 
 def told(fleet: Fleet) -> tuple[Tapped, Counter[Verdict]]:

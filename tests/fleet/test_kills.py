@@ -4,10 +4,11 @@ import pytest
 from pretended_fleet import FINAL, Fleet
 
 from agent_runtime.testing.wires import Faults, Point
+from companion.design import DESIGN
 
 POINTS = list(Point)
 SAMPLES = 24  # steps per agent that are tried, spread over all it makes
-VICTIMS = ("co", "pl", "km", "ta", "ex", "hi")
+VICTIMS = tuple(DESIGN.agents)
 
 
 def steps_of_the_story() -> dict[str, int]:

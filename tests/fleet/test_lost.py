@@ -4,7 +4,8 @@ import pytest
 from pretended_fleet import Fleet
 from test_pour import TrueFleet
 
-from companion.languages import SW, sw
+from companion.all_languages import SW
+from companion.languages import sw
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 

@@ -3,6 +3,7 @@
 import pytest
 from pretended_fleet import FINAL, Fleet
 
+from companion.design import DESIGN
 from companion.languages.facts import Kind
 
 AT = (0.15, 0.4, 0.6, 0.75, 0.9)
@@ -30,7 +31,7 @@ def lost(victim: str, step: int) -> Fleet:
 
 
 @pytest.mark.parametrize("part", AT)
-@pytest.mark.parametrize("victim", ["co", "pl", "ta", "ex", "km", "hi"])
+@pytest.mark.parametrize("victim", DESIGN.agents)
 def test_a_task_ends_and_the_fleet_is_at_rest(victim: str, part: float, counted: dict[str, int]) -> None:
     """Nobody waits for ever; of what a lost conversation ended, the person is told the reason."""
     fleet = lost(victim, 1 + int(part * counted[victim]))

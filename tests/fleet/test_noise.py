@@ -1,7 +1,7 @@
 """No program reads a sentence: with noise in place of every sentence, the same is said, done, shown and reported."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import pytest
@@ -9,17 +9,25 @@ from logged_fleet import Logged
 from pretended_fleet import Fleet
 
 from companion import sentences
+from companion.design import DESIGN
 from companion.sentences import Catalogue, Reader
+from companion.tools.live import Live
 from companion.tools.report import report
-from companion.tools.system import SYSTEM
+from companion.tools.system import JOB, SYSTEM
+from operate.cli.faults.moments import Event, InPlan, parse
 from operate.recording import history
+from operate.run_folder import Happened, LiveLine
 from services.human_interface import offers
 from services.page.view import Heard, View, view
 
 POUR = "pour the content of the jar into the bowl"
-WORDS = ("fact", "claim", "sensor", "fault", "part", "agent", "task", "furniture", "process")
-TEXTS = {"text", "reason", "failure"}
+WORDS = ("fact", "claim", "sensor", "fault", "part", "agent", "task", "furniture", "process", "event", "step", "leaf")
+TEXTS = {"text", "reason", "failure", "words"}
 """Of a report: what a person reads."""
+
+
+ASKED = {"spoken", "planning", "replanning"}
+"""Phases of a task for which there is no plan."""
 
 
 class Noise:
@@ -41,13 +49,21 @@ class Noise:
 
 
 real = sentences.catalogue
-Story = tuple[list[bytes], list[Any], list[View], dict[str, Any], list[tuple[str, int]]]
 
 
-def story(
-    run: Path, *, missing: bool
-) -> tuple[list[bytes], list[Any], list[View], dict[str, Any], list[tuple[str, int]]]:
-    """Return what was said, hi's tasks, the page, the report and how much `why` tells, of a pour with questions."""
+class Story(NamedTuple):
+    """What was said, hi's tasks, the page, the report, how much `why` tells, and the lines of live.jsonl."""
+
+    said: list[bytes]
+    tasks: list[Any]
+    pages: list[View]
+    report: dict[str, Any]
+    why: list[tuple[str, int]]
+    lines: list[LiveLine]
+
+
+def story(run: Path, *, missing: bool) -> Story:
+    """Return the story of a pour with questions."""
     fleet = Fleet()
     logged = Logged(fleet, run)
     if missing:
@@ -67,12 +83,25 @@ def story(
     fleet.say("why did it fail")
     fleet.wires.run(fleet.at_rest)
     why = [(one.title, len(one.facts)) for one in logged.why(fleet.tasks[-1].task).passages]
-    made = msgspec.to_builtins(report.build(history.of(run, SYSTEM)))
+    past, live = history.of(run, SYSTEM), Live()
+    made = msgspec.to_builtins(report.build(past))
+    lines = [msgspec.structs.replace(line, text="") if isinstance(line, Happened) else line
+             for one in past.said for line in live.lines(one)]  # fmt: skip
     said = [bytes(one.content) for one in fleet.wires.traffic if one.content]
     tasks = [msgspec.structs.replace(one, text="") for one in fleet.tasks]
     logged.close()
     fleet.close()
-    return said, tasks, pages, made, why
+    return Story(said, tasks, pages, made, why, lines)
+
+
+def begun(lines: list[LiveLine]) -> set[str]:
+    """Return the phases of the usual task in which a fault may begin, as `roco chaos` finds them in these lines."""
+    moments = {phase: parse(at, DESIGN, "pl") for phase, at in JOB.phases.items()}
+    return {
+        phase
+        for phase, moment in moments.items()
+        if isinstance(moment, Event | InPlan) and any(moment.there(line) for line in lines)
+    }
 
 
 def wordless(value: Any) -> Any:
@@ -82,22 +111,31 @@ def wordless(value: Any) -> Any:
     return [wordless(one) for one in value] if isinstance(value, list | tuple) else value
 
 
+def shown(one: View) -> tuple[Any, ...]:
+    """The page without what a person reads."""
+    return bool(one.step), bool(one.next), one.things
+
+
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize("missing", [False, True], ids=["poured", "no jar"])
 def test_noise_changes_nothing_but_what_a_person_reads(
     missing: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each communicate is the same to the byte; so are the tasks, the page's steps and things, and the report."""
+    """Each communicate is the same to the byte; so are the tasks, the page's things, whether it has a step, the report,
+    the lines of live.jsonl, and the phases that chaos finds in them.
+    """
     (tmp_path / "plain").mkdir()
     (tmp_path / "noise").mkdir()
-    said, tasks, pages, made, why = story(tmp_path / "plain", missing=missing)
+    plain = story(tmp_path / "plain", missing=missing)
     noise = Noise()
     monkeypatch.setattr(sentences, "catalogue", noise)
     noisy = story(tmp_path / "noise", missing=missing)
     assert noise.said
-    assert noisy[0] == said
-    assert noisy[1] == tasks
-    assert [(one.step, one.next, one.things) for one in noisy[2]] == [(one.step, one.next, one.things) for one in pages]
-    assert wordless(noisy[3]) == wordless(made)
-    assert noisy[4] == why
-    assert [task.state for task in tasks][-1] == ("failed" if missing else "done")
+    assert noisy.said == plain.said
+    assert noisy.tasks == plain.tasks
+    assert [shown(one) for one in noisy.pages] == [shown(one) for one in plain.pages]
+    assert wordless(noisy.report) == wordless(plain.report)
+    assert noisy.why == plain.why
+    assert noisy.lines == plain.lines
+    assert begun(plain.lines) == (ASKED if missing else JOB.phases.keys() - {"lifted", "carrying"})  # no such acts here
+    assert [task.state for task in plain.tasks][-1] == ("failed" if missing else "done")

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -10,13 +11,17 @@ from pretended_fleet import Fleet
 
 from agent_runtime.core.effects import Effects
 from agent_runtime.io.devices import Post
+from companion.all_languages import SW
 from companion.eyes import Eyes
-from companion.languages import SW, sw
-from companion.languages.facts import Facts, Kind, fact
+from companion.languages import sw
+from companion.languages.facts import Facts, fact
+from companion.tasks.pour.done import PourKind
 from services.executor.device import RobotDevice
 from services.executor.local import Setup
 from services.executor.loop.core import LoopCore
+from services.executor.renderer import Renderer
 from services.executor.skill_device import SkillDevice
+from services.executor.world import scene_of
 from services.planner.search_device import SearchDevice
 from velma.model.scene import CANONICAL, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
@@ -36,7 +41,9 @@ class TrueFleet(Fleet):
         setup = Setup(str(scene), seed, eyes)
 
         def robot(post: Post) -> RobotDevice:
-            return RobotDevice(SkillDevice(post, setup), CalledLoop(post, self.core))
+            return RobotDevice(
+                SkillDevice(post, setup, Renderer(partial(scene_of, setup))), CalledLoop(post, self.core)
+            )
 
         super().__init__(seed=seed, search=SearchDevice, robot=robot)
 
@@ -55,7 +62,7 @@ def test_six_agents_pour(eyes: Eyes) -> None:
         assert truth.grains_in["bowl_1"] >= 0.9 * truth.grains
         assert truth.fingers_on["jar_1"]["left"] >= 3
         assert truth.tilt_deg["bowl_1"] < 10.0
-        assert Kind.ARRIVED in [one.kind for one in told(fleet)], told(fleet)
+        assert PourKind.ARRIVED in [one.kind for one in told(fleet)], told(fleet)
     finally:
         fleet.close()
 
@@ -74,9 +81,9 @@ def test_content_that_falls_beside_the_bowl_is_not_called_poured(tmp_path: Path)
         truth = fleet.truth.read()
         assert truth.grains_in["jar_1"] == 0
         assert truth.grains_in["bowl_1"] < 0.9 * truth.grains, "less than what counts as poured"
-        (left,) = (one.numbers[0] for one in told(fleet) if one.kind is Kind.LEFT)
+        (left,) = (one.numbers[0] for one in told(fleet) if one.kind is PourKind.LEFT)
         assert left == pytest.approx(0.06, abs=0.0015), told(fleet)
-        assert fact(Kind.REST_NOT_THERE, "bowl_1") in told(fleet)
+        assert fact(PourKind.REST_NOT_THERE, "bowl_1") in told(fleet)
     finally:
         fleet.close()
 
@@ -101,23 +108,16 @@ def test_when_drawing_is_lost_the_robot_goes_on_by_rays(tmp_path: Path, monkeypa
         for library in ("libEGL.so.1", "libOSMesa.so.8"):
             (tmp_path / library).touch()
         skills = fleet.wires.nodes["ex"].device.skills
-        for count, victim in ((2, children(skills._child.pid)[0]), (3, skills._child.pid)):
+        for count, victim in ((2, skills._renderer.pid), (3, skills._child.pid)):
             os.kill(victim, signal.SIGKILL)
             fleet.say("look around")
             assert fleet.finish(count) == ["done"] * count, fleet.tasks
             assert len(said) == 1
         assert "GlError" in said[0]
         assert "libEGL.so.1: file too short" in said[0]
-        assert children(skills._child.pid) == []
+        assert skills._renderer.pid == 0
     finally:
         fleet.close()
-
-
-def children(pid: int) -> list[int]:
-    """Return the processes that a process has started."""
-    return [
-        int(word) for task in Path(f"/proc/{pid}/task").iterdir() for word in (task / "children").read_text().split()
-    ]
 
 
 def told(fleet: TrueFleet) -> Facts:

@@ -49,7 +49,7 @@ def test_nothing_moves_while_an_act_waits(fleet) -> None:
         assert (acts(fleet), asked(fleet)) == (before, leaf)
         say(fleet, Verb.GO)
         fleet.wires.run(lambda before=before: acts(fleet) > before)
-        assert (fleet.tasks[0].at, asked(fleet)) == (leaf, "")
+        assert (fleet.tasks[0].at.id, asked(fleet)) == (leaf, "")
     set_level(fleet, Level.AUTO)
     assert fleet.finish() == ["done"]
     assert within_design(fleet)
@@ -184,8 +184,8 @@ def test_a_new_plan_instead_of_the_act_that_waits(fleet) -> None:
 def test_a_new_plan_instead_of_the_act_under_way(fleet) -> None:
     """The act is ended safely before the plan is left, and nothing of it is begun again."""
     begun(fleet, Level.AUTO)
-    fleet.wires.run(lambda: fleet.wires.nodes["ex"].state.state == "acting" and "/" in fleet.tasks[0].at)
-    say(fleet, Verb.REPLAN, fleet.tasks[0].at)
+    fleet.wires.run(lambda: fleet.wires.nodes["ex"].state.state == "acting" and fleet.tasks[0].at is not None)
+    say(fleet, Verb.REPLAN, fleet.tasks[0].at.id)
     fleet.wires.run(lambda: bool(fleet.reports()))
     assert fleet.reports() == ["Replan"]
     assert fleet.wires.nodes["ex"].state.state == "idle"

@@ -6,8 +6,8 @@ import pytest
 from pretended_fleet import Fleet
 
 from agent_runtime.testing.wires import Point
+from companion.all_languages import LANGUAGES
 from companion.design import DESIGN, language_of
-from companion.languages import LANGUAGES
 from fipa_codec.communicate import Communicate, encode
 
 

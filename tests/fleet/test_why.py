@@ -30,7 +30,10 @@ def told(why: Why, title: str) -> list[str]:
 
 def running(fleet: Fleet, act: str) -> None:
     """Go on until the oldest task that has not ended is in this act."""
-    fleet.wires.run(lambda: any(act in task.at for task in fleet.tasks if task.state == "running"), limit_s=300.0)
+    fleet.wires.run(
+        lambda: any(task.at is not None and act in task.at.id for task in fleet.tasks if task.state == "running"),
+        limit_s=300.0,
+    )
 
 
 def test_a_thing_that_is_not_there(logged: Logged) -> None:

@@ -1,6 +1,8 @@
 """Targets of the fuzzer: each reader of bytes from elsewhere, the errors it may raise, and valid inputs."""
 
 import math
+import shutil
+import tempfile
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import cache
@@ -22,8 +24,8 @@ from agent_runtime.io.incoming import Bytes as FromWire
 from agent_runtime.io.journal import Journal
 from agent_runtime.io.journal_format import HEAD, MAGIC, MARK, frame, last_record
 from agent_runtime.io.tap import Sample
+from companion.all_languages import LANGUAGES
 from companion.binding import wiring
-from companion.languages import LANGUAGES
 from companion.stop_words import stop_words
 from companion.tools.system import SYSTEM
 from fipa_codec import acl_string
@@ -32,7 +34,7 @@ from fipa_codec.errors import FipaError, MalformedError
 from operate.cli.errors import UsageError
 from operate.cli.faults import scenario
 from operate.recording import contents, history, mcap_file
-from operate.recording.noted import noted
+from operate.recording.ends import Ends
 from operate.recording.records import Garbage, Spoken, Token, understood
 from operate.recording.samples import sampled
 from operate.recording.stored import NoRecordingError
@@ -188,7 +190,7 @@ def recordings() -> list[bytes]:
 def recording(path: Path) -> None:
     """Check that all readable parts are read, the rest is a hole, and another recorder goes on behind it."""
     heard = mcap_file.read(path, SYSTEM)
-    history.merged(heard.records, {}, SYSTEM, whole=heard.whole)
+    history.of_records(heard.records, SYSTEM, whole=heard.whole)
     with suppress(NoRecordingError):
         contents.contents(path)
     second, more = mcap_file.Recording(path), Token("co", 1, True, 1.0)
@@ -241,7 +243,10 @@ def step_logs() -> list[bytes]:
 
 def step_log(path: Path) -> None:
     """A report takes what it can; who reads it line by line is told where it is damaged."""
-    tuple(noted(path, SYSTEM))
+    with tempfile.TemporaryDirectory() as run:
+        (Path(run) / "steps").mkdir()
+        shutil.copy(path, Path(run) / "steps" / "km.steps")
+        tuple(Ends(Path(run), SYSTEM).rest())
     for step in steplog.read(path):
         held(step.apart == 0, "a step that is read has its content")
 

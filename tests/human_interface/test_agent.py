@@ -15,8 +15,12 @@ from companion.languages import cmd
 from companion.languages.cmd import TaskReport, TaskState
 from companion.languages.facts import Kind as Why
 from companion.languages.facts import fact
+from companion.languages.hfsm import Place, Step
 from companion.languages.values import Side
 from companion.sentences import operator
+from companion.tasks.look_around.command import LookAround
+from companion.tasks.pour.command import PourInto
+from companion.tasks.take.command import Take
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative as P
 from services.human_interface.behaviours import ANSWER_WITHIN_S, agent
@@ -26,6 +30,9 @@ from services.human_interface.memory import AGAIN_S, ASKED_S, CONDITIONS, KEPT_T
 
 read = cache(understand)
 BUSY, NEXT = fact(Why.TASKS_OPEN, 4), fact(Why.IS_NEXT)
+
+
+GRASP = Place(("take jar_1", "grasp"), Step("take", ("jar_1",)), "Grasp", Side.LEFT)
 
 
 class Nothing(msgspec.Struct, frozen=True):
@@ -79,7 +86,7 @@ class Scene:
         self.wires.post("co", lambda turn: turn.say(task, performative, content, **more))
         self.settle()
 
-    def report(self, task, performative, state, *why, at="", **more):
+    def report(self, task, performative, state, *why, at=None, **more):
         """Co reports."""
         self.co(task, performative, TaskReport(state, why, at=at), **more)
 
@@ -110,7 +117,7 @@ def test_a_sentence_becomes_a_request_and_its_answer_names_the_task(scene):
     """The task's name is the conversation's."""
     line = scene.say("Please pour the content of the jar into the bowl.").line
     (request,) = scene.heard
-    assert (request.conversation, request.content) == (line.task, cmd.PourInto("jar", "bowl"))
+    assert (request.conversation, request.content) == (line.task, PourInto("jar", "bowl"))
     assert (line.state, line.text) == ("waiting", "I will pour the content of the jar into the bowl.")
     assert scene.tasks == {line.task: "waiting"}
 
@@ -129,9 +136,9 @@ def test_states_of_a_task_are_those_that_co_tells(scene):
     scene.report(task, P.AGREE, TaskState.WAITING, NEXT)
     scene.report(task, P.INFORM, TaskState.PLANNING)
     assert scene.tasks[task] == "planning"
-    scene.report(task, P.INFORM, TaskState.RUNNING, at="take jar_1/grasp")
+    scene.report(task, P.INFORM, TaskState.RUNNING, at=GRASP)
     line = scene.line(task)
-    assert (line.state, line.at, line.why, line.text) == ("running", "take jar_1/grasp", (), "take jar_1/grasp")
+    assert (line.state, line.at, line.why, line.text) == ("running", GRASP, (), "take jar (grasp)")
     scene.report(task, P.INFORM, TaskState.DONE)
     assert scene.tasks[task] == "done"
     assert [event.n for event in scene.events] == list(range(1, len(scene.events) + 1))
@@ -177,12 +184,12 @@ def test_a_cancel_is_answered_in_words_not_by_the_step_of_the_plan(scene):
     """In the language of who cancels; the task itself goes on telling its step."""
     task = scene.say("look around").line.task
     scene.say("take the jar")
-    scene.report(task, P.AGREE, TaskState.RUNNING, at="look around/look")
+    scene.report(task, P.AGREE, TaskState.RUNNING, at=Place(("look around", "look"), Step("look-around"), "Look"))
     assert scene.cancel(task).line.text == "I am cancelling: look around."
     assert scene.cancel(task, "pl").line.text == "Anuluję: rozejrzyj się."
     assert scene.say("anuluj").line.text == "Anuluję: rozejrzyj się."
     assert scene.say("cancel everything").line.text == "I am cancelling: look around, take the jar."
-    assert scene.shown[-1].tasks[0].text == "look around/look"
+    assert scene.shown[-1].tasks[0].text == "look around (look)"
 
 
 def test_a_second_cancel_is_not_sent_again(scene):
@@ -375,7 +382,7 @@ def test_urgency_and_deadline_of_a_sentence_go_to_the_coordinator(scene):
     assert {round(one.deadline - scene.wires.now, 1) for one in sent} == {59.9}
     scene.say("look around")
     last = [one.content for one in scene.heard if isinstance(one.content, cmd.Command)][-1]
-    assert last == cmd.LookAround()
+    assert last == LookAround()
     assert msgspec.json.encode(last) == b'{"type":"LookAround"}'
 
 
@@ -442,8 +449,8 @@ def test_two_wishes_become_two_tasks_in_their_order(scene):
     """The answer names both; co gets them one after the other."""
     line = scene.say("take the jar and pour it into the bowl").line
     assert [one.content for one in scene.heard] == [
-        cmd.Take("jar"),
-        cmd.PourInto("jar", "bowl", after=line.task),
+        Take("jar"),
+        PourInto("jar", "bowl", after=line.task),
     ]
     assert [one.conversation for one in scene.heard] == [line.task, *line.then]
     assert line.text == "I will take the jar, then pour the content of the jar into the bowl."
@@ -489,7 +496,7 @@ def test_a_question_back_is_answered_by_yes_or_by_a_name(scene):
         assert scene.say(answer).line.state != "waiting"
         scene.say(text)
         assert scene.say(answer).line.state == "waiting"
-        assert scene.heard[-1].content == cmd.Take(wanted)
+        assert scene.heard[-1].content == Take(wanted)
 
 
 @pytest.mark.parametrize(("question", "answer"), [("take the red jar", "yes"), ("take the spoon", "the jar")])
@@ -501,7 +508,7 @@ def test_a_question_is_answered_by_who_was_asked(scene, question, answer):
     assert scene.heard == []
     assert scene.say(answer, "kitchen").line.state == "waiting"
     assert scene.say("tak", "hall").line.state == "waiting"
-    assert [one.content for one in scene.heard] == [cmd.Take("jar"), cmd.Take("bowl")]
+    assert [one.content for one in scene.heard] == [Take("jar"), Take("bowl")]
 
 
 def test_a_question_is_open_for_so_long(scene):
@@ -637,7 +644,7 @@ def test_what_is_seen_is_what_the_last_look_told(scene):
     assert "the jar and jar 2" in scene.say("what do you see?").line.text
     assert scene.say("take the jar").line.state == "question", "there are two"
     assert scene.say("jar 2").line.state == "waiting"
-    assert scene.heard[-1].content == cmd.Take("jar_2")
+    assert scene.heard[-1].content == Take("jar_2")
 
 
 def test_a_look_that_saw_nothing_is_told_as_such(scene):
@@ -648,6 +655,40 @@ def test_a_look_that_saw_nothing_is_told_as_such(scene):
     scene.report(other, P.AGREE, TaskState.WAITING)
     scene.report(other, P.INFORM, TaskState.DONE, fact(Why.SEEN, "jar_1"))
     assert scene.say("what do you see?").line.text.startswith("I see nothing that I know.")
+
+
+@pytest.mark.parametrize(
+    ("seen", "given", "left"),
+    [
+        (("bowl_1", "jar_1"), "the jar", {"bowl_1"}),
+        (("bowl_1", "jar_1", "jar_2"), "jar 2", {"bowl_1", "jar_1"}),
+        (("bowl_1", "jar_1"), "jar 1", {"bowl_1"}),
+    ],
+)
+def test_what_was_given_to_a_person_is_not_offered_any_more(scene, seen, given, left):
+    """As soon as it was done, and not before; a later look that sees it offers it again."""
+
+    def looked():
+        task = scene.say("look around").line.task
+        scene.report(task, P.AGREE, TaskState.WAITING)
+        scene.report(task, P.INFORM, TaskState.DONE, fact(Why.SEEN, *seen))
+
+    def offered():
+        return {wish.thing.en for wish in [one for one in scene.shown if isinstance(one, Shown)][-1].wishes}
+
+    looked()
+    scene.say("take the jar")
+    before = offered()
+    task = scene.say(f"hand me {given}").line.task
+    assert scene.heard[-1].content.gives
+    scene.report(task, P.AGREE, TaskState.WAITING)
+    scene.report(task, P.INFORM, TaskState.RUNNING)
+    assert offered() == before
+    scene.report(task, P.INFORM, TaskState.DONE)
+    assert len(offered()) == len(left) == len(before) - 1
+    scene.settle(2 * AGAIN_S)
+    looked()
+    assert offered() == before
 
 
 def test_why_names_the_reason(scene):
@@ -676,16 +717,16 @@ def test_no_word_releases_a_stopped_robot(scene):
 
 
 def test_an_act_that_waits_for_an_operator_is_told_until_it_begins(scene):
-    """By its path for programs, in words for people; a person who says "go on" hears who can let it begin."""
+    """By its place for programs, in words for people; a person who says "go on" hears who can let it begin."""
     task = scene.say("take the jar").line.task
     scene.report(task, P.AGREE, TaskState.WAITING)
-    scene.co(task, P.INFORM, TaskReport(TaskState.RUNNING, at="take jar_1/grasp", side=Side.LEFT, asks=True))
+    scene.co(task, P.INFORM, TaskReport(TaskState.RUNNING, at=GRASP, number=1, asks=True))
     line = scene.line(task)
-    assert line.asks == line.at == "take jar_1/grasp"
-    assert line.text == "waits for you: next is 'take jar_1: grasp with the left hand' - `roco step` to go on"
+    assert (line.asks, line.at, line.number) == ("take jar_1/grasp", GRASP, 1)
+    assert line.text == "waits for you: next is 'take jar (grasp) with the left hand' - `roco step` to go on"
     assert "roco step" in scene.say("go on").line.text
     assert "roco step" in scene.say("why?").line.text
-    scene.report(task, P.INFORM, TaskState.RUNNING, at="take jar_1/grasp")
+    scene.report(task, P.INFORM, TaskState.RUNNING, at=GRASP)
     line = scene.line(task)
-    assert (line.asks, line.at, line.text) == ("", "take jar_1/grasp", "take jar_1/grasp")
+    assert (line.asks, line.at, line.text) == ("", GRASP, "take jar (grasp)")
     assert "roco release" in scene.say("go on").line.text

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.stop_words import stop_words
-from services.human_interface.catalogue import CATALOGUE, LANGUAGES
+from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, WISHES
 from services.human_interface.grammar import VOCABULARY
 
 TABLES = Path(__file__).parent / "sentences"
@@ -18,10 +18,10 @@ IN_QUESTIONS = {"emergency", "help", "zatrzymac"}
 QUESTIONS = ("why", "help", "stopping")
 PATTERNS = [
     (row.does, language, one)
-    for row in CATALOGUE.wish
+    for row in WISHES
     if row.does != "no"
     for language in LANGUAGES
-    for one in getattr(row, language)
+    for one in (*getattr(row, language), *row.lacking.get(language, ()))
 ]
 
 
@@ -49,7 +49,7 @@ def _rule(draw, name, language):
         return _filled(draw, this, language) + draw(st.sampled_from(forms))
     if name == "SIDE":
         return draw(st.sampled_from([side[language].split("|")[0] for side in CATALOGUE.side.values()]))
-    return _filled(draw, CATALOGUE.rule[language][name].replace("\n", ""), language)
+    return _filled(draw, RULES[language][name].replace("\n", ""), language)
 
 
 @st.composite

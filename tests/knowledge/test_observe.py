@@ -92,6 +92,17 @@ def test_a_missing_thing_is_nowhere_until_it_is_seen_again() -> None:
     assert "bowl_1" in observed(scene, bowl, (1, 9)).things
 
 
+def test_what_was_given_is_nowhere_and_km_knows_that_it_was_given() -> None:
+    """It is in no hand, and a question for it is answered with the reason until it is seen again."""
+    jar = seen("jar_1", "jar", (0.783, -0.84, 0.875))
+    held = wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0)))
+    scene = scene_of(jar, held, wm.GivenObject("jar_1", Side.LEFT))
+    assert (scene.holder("jar_1"), "jar_1" in scene.things) == (None, False)
+    _, told = ask(scene, Overlays(), wm.ObjectPose(object="jar"))
+    assert told == wm.Unknown((fact(Kind.GIVEN_AWAY, Side.LEFT, "jar_1"),))
+    assert observed(scene, jar, (1, 9)).lost == {}
+
+
 def test_content_that_was_seen_stays_known_until_it_is_looked_into_again() -> None:
     """A sight from too far away tells nothing of it."""
     there, pose = (0.783, -0.84, 0.775), Pose((0.783, -0.84, 0.775))
@@ -292,6 +303,7 @@ def test_a_far_look_does_not_undo_a_near_one() -> None:
         wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0))),
         wm.PlacedObject("jar_1", "jar", Pose((0.783, -0.84, 0.875)), 1.5),
         wm.MissingObject("jar_1"),
+        wm.GivenObject("jar_1", Side.LEFT),
     ],
 )
 def test_a_sight_of_a_thing_that_a_hand_had_counts_alone(between: wm.AnySight) -> None:

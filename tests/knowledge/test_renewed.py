@@ -51,6 +51,7 @@ others: st.SearchStrategy[wm.AnySight] = st.one_of(
     st.builds(wm.SeenHand, sides, st.one_of(st.just(""), names), st.just("1"), poses),
     st.builds(wm.LostObject, names, sides),
     st.builds(wm.MissingObject, names),
+    st.builds(wm.GivenObject, names, sides),
     st.builds(wm.FeltContent, st.just("jar_1"), st.sampled_from(("bowl_1", "pot_1")), st.just(0.1)),
 )
 sights = st.lists(st.integers(0, 2).flatmap(lambda kind: seen if kind else others), min_size=6, max_size=15)

@@ -9,7 +9,9 @@ import msgspec
 
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN, language_of
-from companion.languages import cmd, wm
+from companion.languages import wm
+from companion.tasks.look_around.command import LookAround
+from companion.tasks.pour.command import PourInto
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, decode, encode
 from fipa_codec.performatives import Performative as P
@@ -167,7 +169,7 @@ def cancelled_twice(t: Traffic) -> Expected:
 def id_used_for_other_words(t: Traffic) -> Expected:
     """hi says another command under the number of the first."""
     n = t.said("hi", "co", "request")
-    return V.OUT_OF_SEQUENCE, name(t.add(n, conversation="hi-1-2", **content(cmd.LookAround())))
+    return V.OUT_OF_SEQUENCE, name(t.add(n, conversation="hi-1-2", **content(LookAround())))
 
 
 def answers_what_was_not_asked(t: Traffic) -> Expected:
@@ -287,7 +289,7 @@ def query_too_large(t: Traffic) -> Expected:
 
 def command_too_large(t: Traffic) -> Expected:
     """A person's command that is a speech."""
-    one = t.edit(t.said("hi", "co", "request"), **content(cmd.PourInto("jar" + 300 * "r", "bowl")))
+    one = t.edit(t.said("hi", "co", "request"), **content(PourInto("jar" + 300 * "r", "bowl")))
     return V.OVER_BUDGET, name(one)
 
 

@@ -16,6 +16,8 @@ from companion.design import DESIGN, language_of
 from companion.languages import cmd, hfsm, rc, rs, sw, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Box, Pose, Side
+from companion.tasks.pour.command import PourInto
+from companion.tasks.pour.done import Pour, PourKind
 from companion.telemetry import Lateness, RobotState, TrueState
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
@@ -189,7 +191,7 @@ class Run:
         self.state("ex", "idle")
 
     def _during(self, command: rc.Command, share: float) -> None:
-        if isinstance(command, rc.Pour):
+        if isinstance(command, Pour):
             self.tilt = 2.3 * math.sin(math.pi * share)
             self.inside = {"jar_1": 30 - int(30 * share), "bowl_1": int(29 * share)}
 
@@ -203,7 +205,7 @@ class Run:
             case rc.Release(side=side, object=object):
                 self.held.pop(side, None)
                 self.at[object] = BOWL_END
-            case rc.Pour():
+            case Pour():
                 self.inside = {"jar_1": 0, "bowl_1": 29}
 
     def planning(
@@ -250,8 +252,8 @@ class Run:
         self.say("co", "ta", P.REQUEST, plan, talk=talk, protocol="coordinate")
         self.state("ta", "running")
         self._report(talk, sw.Report(sw.WorkerState.RUNNING))
-        for path, command in _leaves(plan.root):
-            self._report(talk, sw.Report(sw.WorkerState.RUNNING, at=path))
+        for place, command in _leaves(plan.root):
+            self._report(talk, sw.Report(sw.WorkerState.RUNNING, at=place))
             self.acting(command, durations.get(type(command).__name__, 4.0))
             seen = ("jar_1",) if isinstance(command, rc.Grasp | rc.MoveCartesian) else ()
             self.observe(*seen, *(("bowl_1",) if isinstance(command, rc.Look | rc.Release) else ()))
@@ -264,18 +266,23 @@ class Run:
         self.say("co", "ta", P.CONFIRM, talk=talk, protocol="coordinate", silent="SW")
 
 
-def _leaves(machine: hfsm.Machine, path: str = "") -> Iterator[tuple[str, rc.Command]]:
-    for state in machine.states:
-        here = f"{path}/{state.name}" if path else state.name
-        if isinstance(state, hfsm.Machine):
-            yield from _leaves(state, here)
-        elif isinstance(state, hfsm.ActState):
-            yield here, state.command
+def _leaves(root: hfsm.Machine) -> Iterator[tuple[hfsm.Place, rc.Command]]:
+    for step in root.states:
+        assert isinstance(step, hfsm.Machine)
+        for leaf in step.states:
+            assert isinstance(leaf, hfsm.ActState)
+            yield hfsm.Place((step.name, leaf.name), step.step, type(leaf.command).__name__), leaf.command
 
 
-def _machine(name: str, *commands: rc.Command) -> hfsm.Machine:
+def _machine(step: hfsm.Step, *commands: rc.Command) -> hfsm.Machine:
     states = tuple(hfsm.ActState(type(c).__name__.lower() + str(k), c) for k, c in enumerate(commands))
-    return hfsm.Machine(name, states[0].name, states)
+    return hfsm.Machine(" ".join((step.does, *step.things)), states[0].name, states, step=step)
+
+
+def put(release: rc.Release) -> hfsm.Machine:
+    """The root of a plan that puts a thing down."""
+    step = _machine(hfsm.Step("place", (release.object,)), release)
+    return hfsm.Machine("put", step.name, (step,))
 
 
 def _move(side: Side) -> rc.MoveJoint:
@@ -286,7 +293,7 @@ def _taking(side: Side, object: str) -> hfsm.Machine:
     way = (rc.ApproachPoint(Pose((0.0, 0.0, 0.3)), 0.5),) * 3
     grasp = rc.Grasp("g", side, object, "g1", way, 0.7, 0.3, 0.3)
     out = rc.MoveCartesian("c", side, (rc.Segment((0.0, 0.0, 0.03), 0.1), rc.Segment((-0.28, 0.0, 0.0), 0.25)))
-    return _machine(f"take {object}", _move(side), grasp, out, _move(side))
+    return _machine(hfsm.Step("take", (object,)), _move(side), grasp, out, _move(side))
 
 
 def pour(seed: int = 1, *, queries: int = 320) -> Run:
@@ -303,7 +310,7 @@ def pour(seed: int = 1, *, queries: int = 320) -> Run:
     run.state("ta", "idle")
     run.wait(3.0)
     command = run.name("hi")
-    run.say("hi", "co", P.REQUEST, cmd.PourInto("jar", "bowl"), talk=command, protocol="request")
+    run.say("hi", "co", P.REQUEST, PourInto("jar", "bowl"), talk=command, protocol="request")
     run.say(
         "co",
         "hi",
@@ -318,16 +325,16 @@ def pour(seed: int = 1, *, queries: int = 320) -> Run:
     first = (
         _taking(Side.LEFT, "jar_1"),
         _taking(Side.RIGHT, "bowl_1"),
-        _machine("put bowl_1", put, rc.Look("l2", ((0.6, -0.5, 0.8),))),
+        _machine(hfsm.Step("place", ("bowl_1",)), put, rc.Look("l2", ((0.6, -0.5, 0.8),))),
     )
     plan = run.planning(network, queries, hfsm.Machine("pour", first[0].name, first), 7.5)
     run.running(plan, sw.WorkerState.REPLAN, {"MoveJoint": 7.0, "Grasp": 6.0, "Release": 8.0, "Look": 3.0})
     again = hfsm.GroundTaskNetwork("co-1-4", network.tasks)
-    tilt = rc.Pour("p", Side.LEFT, "jar_1", "bowl_1", 0.3, 0.0, (0.35, 2.35), 2.0, 0.2)
-    second = (_machine("pour out", _move(Side.LEFT), tilt),)
+    tilt = Pour("p", Side.LEFT, "jar_1", "bowl_1", 0.3, 0.0, (0.35, 2.35), 2.0, 0.2)
+    second = (_machine(hfsm.Step("pour", ("jar_1", "bowl_1")), _move(Side.LEFT), tilt),)
     plan = run.planning(again, 22, hfsm.Machine("pour", second[0].name, second), 0.9)
     run.running(plan, sw.WorkerState.SUCCEEDED, {"MoveJoint": 6.0, "Pour": 11.0})
-    done = cmd.TaskReport(cmd.TaskState.DONE, (fact(Kind.ARRIVED, "bowl_1", 0.06),))
+    done = cmd.TaskReport(cmd.TaskState.DONE, (fact(PourKind.ARRIVED, "bowl_1", 0.06),))
     run.say("co", "hi", P.INFORM, done, talk=command, protocol="request")
     run.wait(0.5)
     return run

@@ -20,6 +20,8 @@ from companion.binding import wiring
 from companion.languages.cmd import TaskReport, TaskState
 from companion.languages.facts import Kind as Why
 from companion.languages.facts import fact
+from companion.languages.hfsm import Place, Step
+from companion.languages.values import Side
 from companion.run_files import PAGE_FILE, SLOTS_FILE, PageAddress, Pairing
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
@@ -27,7 +29,13 @@ from services.human_interface.behaviours import agent
 from services.human_interface.server import HttpDevice
 
 WITHIN_S = 20.0
-STEPS = ("take jar_1", "carry jar_1", "take bowl_1")
+STEPS = (Step("take", ("jar_1",)), Step("carry", ("jar_1",)), Step("take", ("bowl_1",)))
+
+
+def place(number, act):
+    """A place in the step of this number."""
+    step = STEPS[number - 1]
+    return Place((f"{step.does} {step.things[0]}", act), step, act, Side.LEFT)
 
 
 class Nothing(msgspec.Struct, frozen=True):
@@ -87,10 +95,10 @@ class House:
             self._wires.post("co", lambda turn: turn.say(task, kind, TaskReport(state, why, **more)))
             self._wires.run_for(0.05)
 
-    def running(self, task="hi-1-1", at="take jar_1/grasp", steps=STEPS):
+    def running(self, task="hi-1-1", number=1, act="Grasp", steps=STEPS):
         """A task is under way."""
         self.report(task, TaskState.RUNNING, fact(Why.PLAN_TAKES, 1, 48.0), steps=steps)
-        self.report(task, TaskState.RUNNING, at=at)
+        self.report(task, TaskState.RUNNING, at=place(number, act), number=number)
 
     @property
     def held(self):

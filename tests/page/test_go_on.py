@@ -4,7 +4,7 @@ import json
 
 import msgspec
 import pytest
-from page_house import STEPS, wait_for
+from page_house import place, wait_for
 from playwright.sync_api import expect
 
 from agent_runtime.core.control import KIND, Command, SetParameter
@@ -14,10 +14,9 @@ from agent_runtime.io.tap import open_ear
 from companion.autonomy import STEP, Verb, Word
 from companion.design import DESIGN
 from companion.languages.cmd import TaskState
-from companion.languages.values import Side
 
 pytestmark = pytest.mark.process
-GRASP = "take jar_1/grasp"
+GRASP = "take jar_1/Grasp"
 
 
 @pytest.fixture
@@ -33,22 +32,22 @@ def orders(connect, tmp_path):
     """Orders put on the key on which ta hears the page."""
     heard = []
     options = Options(connect=connect, run_dir=tmp_path)
-    key = DESIGN.house_key(KIND, system="roco", owner="page", peer="ta")
+    key = DESIGN.signal_key(KIND, system="roco", owner="page", peer="ta")
     ear = open_ear(options, key, lambda data: heard.append(msgspec.msgpack.decode(data, type=Command)), bool, "ta")
     yield heard
     ear.close()
 
 
-def waits(house, at=GRASP):
+def waits(house, number=1, act="Grasp"):
     """The plan of a task waits before this act."""
-    house.report("hi-1-1", TaskState.RUNNING, at=at, side=Side.LEFT, asks=True)
+    house.report("hi-1-1", TaskState.RUNNING, at=place(number, act), number=number, asks=True)
 
 
 def begun(house, page, cookie):
     """A task is under way."""
     page.form("/say", {"text": "take the jar"}, cookie)
     wait_for(lambda: house.asked, "the task is asked for")
-    house.running(at="take jar_1/move-joint", steps=STEPS)
+    house.running(number=1, act="MoveJoint")
 
 
 def test_the_button_is_there_while_an_act_waits_and_lets_that_one_begin(house, page, opened, orders) -> None:
@@ -65,7 +64,7 @@ def test_the_button_is_there_while_an_act_waits_and_lets_that_one_begin(house, p
     go.click()
     wait_for(lambda: orders, "ta is told")
     assert [one.order for one in orders] == [SetParameter(STEP, str(Word(Verb.GO, GRASP)))]
-    house.report("hi-1-1", TaskState.RUNNING, at=GRASP)
+    house.report("hi-1-1", TaskState.RUNNING, at=place(1, "Grasp"), number=1)
     expect(go).to_have_count(0)
 
 
@@ -77,9 +76,9 @@ def test_what_no_longer_waits_is_not_let_begin(house, page, orders) -> None:
     wait_for(lambda: page.form("/step", {"at": GRASP}, cookie)[0] == 200, "it is let begin")
     wait_for(lambda: orders, "ta is told")
     count = len(orders)
-    waits(house, "take jar_1/move-cartesian")
+    waits(house, act="MoveCartesian")
     wait_for(lambda: page.form("/step", {"at": GRASP}, cookie)[0] == 409, "the next one waits")
-    for at in ("", "pour jar_1 into bowl_1/pour"):
+    for at in ("", "pour jar_1 bowl_1/pour"):
         assert page.form("/step", {"at": at}, cookie)[0] == 409
     assert len(orders) <= count + 1  # a last one before the page heard of the next wait
 

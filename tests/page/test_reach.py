@@ -2,6 +2,7 @@
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from page_house import place as in_plan
 from page_house import wait_for
 from playwright.sync_api import expect
 
@@ -137,6 +138,6 @@ def test_a_status_is_said_once(house, opened):
                 new MutationObserver(() => (changes += 1)).observe(byId(id), { childList: true, subtree: true });
         }"""
     )
-    house.report("hi-1-3", TaskState.RUNNING, at="carry jar_1/move-joint")
+    house.report("hi-1-3", TaskState.RUNNING, at=in_plan(2, "MoveJoint"), number=2)
     expect(one.locator("#step")).to_contain_text("carry the jar")
     assert one.evaluate("changes") == 0

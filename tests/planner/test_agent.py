@@ -9,14 +9,15 @@ from scripted_partner import Open, Say, partner
 from scripted_search import Script, look, plan_of
 
 from agent_runtime.testing.wires import Wires
+from companion.all_languages import LANGUAGES
 from companion.binding import wiring
-from companion.languages import LANGUAGES, hfsm, wm
+from companion.languages import hfsm, wm
 from companion.languages.facts import Kind, fact
 from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours as knowledge
 from services.knowledge import store_device
 from services.planner import behaviours
-from services.planner.local import Answer, Ask, Begin, Found, Local, NotFound, Stop
+from services.planner.local import Answer, Ask, Begin, Found, Local, Stop
 from services.planner.search_device import SearchDevice
 
 
@@ -101,8 +102,8 @@ def test_words_of_an_earlier_attempt_are_ignored() -> None:
     scene.ask("p1")
     scene.until(1)
     scene.wires.run_for(0.2)
-    asked, old = len(questions(scene)), plan_of(network("old"), [("look around", [look("jar_1")])])
-    for word in (NotFound(0, "from before"), Found(0, old), Ask(0, wm.DropStates("x"))):
+    asked, old = len(questions(scene)), plan_of(network("old"), [(hfsm.Step("look-around"), [look("jar_1")])])
+    for word in (Found(0, hfsm.NoPlan("from before", ())), Found(0, old), Ask(0, wm.DropStates("x"))):
         scene.wires.post("pl", word)
     scene.wires.run_for(0.2)
     assert len(scene.heard) == 1
@@ -151,8 +152,9 @@ def test_the_true_search_is_killed_and_replaced() -> None:
         assert (type(again), again.attempt) == (Ask, 2)
         searcher.tell(Answer(2, wm.Unknown((fact(Kind.NOT_OBSERVED_YET),))))
         ended = words.get(timeout=60.0)
-        assert isinstance(ended, NotFound)
-        assert ended.why == (fact(Kind.NOT_OBSERVED_YET),)
+        assert isinstance(ended, Found)
+        assert isinstance(ended.plan, hfsm.NoPlan)
+        assert ended.plan.why == (fact(Kind.NOT_OBSERVED_YET),)
     finally:
         searcher.close()
 

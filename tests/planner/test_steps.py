@@ -14,7 +14,7 @@ from companion.languages import hfsm, wm
 from companion.languages.facts import Fact, Kind, fact
 from fipa_codec.performatives import Performative as P
 from services.planner import behaviours
-from services.planner.local import Answer, Ask, Begin, Died, Found, NotFound, Stop
+from services.planner.local import Answer, Ask, Begin, Died, Found, Stop
 from services.planner.words import ANSWER_WITHIN_S, DROP_WITHIN_S
 
 SEED = 3
@@ -112,7 +112,7 @@ def test_a_fact_goes_from_km_to_the_search() -> None:
 @pytest.mark.parametrize(
     ("event", "why"),
     [
-        (NotFound(1, (fact(Kind.NO_METHOD),)), fact(Kind.NO_METHOD)),
+        (Found(1, hfsm.NoPlan("p1", (fact(Kind.NO_METHOD),))), fact(Kind.NO_METHOD)),
         (Died("exit status 3"), fact(Kind.ENDED, "search")),
     ],
 )
@@ -133,7 +133,7 @@ def test_a_plan_ends_the_search_without_stopping_it() -> None:
     """It has ended by itself. What is no longer needed is asked for only once."""
     one = waiting()
     asked = question(one)
-    plan = plan_of(network("p1"), [("look around", [look("jar_1")])])
+    plan = plan_of(network("p1"), [(hfsm.Step("look-around"), [look("jar_1")])])
     one.step(Local(Found(1, plan)))
     assert said(one) == [("co", P.INFORM, plan), ("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))]
     assert one.tells == []
@@ -189,7 +189,8 @@ def test_hypotheses_lost_begin_the_search_again() -> None:
     assert one.tells == [Begin(2, network("p1"), SEED)]
     assert not one.state.memory.soft.lost
     memory = one.state.memory
-    for word in (Ask(1, ASKED), NotFound(1, "old"), Found(1, plan_of(network("p1"), [("x", [look("jar_1")])]))):
+    plan = plan_of(network("p1"), [(hfsm.Step("look-around"), [look("jar_1")])])
+    for word in (Ask(1, ASKED), Found(1, hfsm.NoPlan("p1", ())), Found(1, plan)):
         one.step(Local(word))
     assert one.state.memory == memory
 

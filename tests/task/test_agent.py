@@ -1,5 +1,6 @@
 """ta's agent with scripted partners: refusals, unknown outcomes, late acts, and who is told what and when."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,12 +16,14 @@ from companion.languages import hfsm, rc, rs, sw, wm
 from companion.languages.evidence import Claim, Evidence, Sense
 from companion.languages.facts import Fact, Facts, Kind, fact
 from companion.languages.values import Pose, Side
+from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind
+from companion.tasks.pour.done import Pour, PourClaim, PourKind
 from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
-from services.task import acts, behaviours, senses
+from services.task import acts, behaviours, words
 from services.task.memory import Act, Memory
 
-ARRIVED = (Evidence(Claim.ARRIVED, "bowl_1", (Sense.EYES,), 3.0),)
+ARRIVED = (Evidence(PourClaim.ARRIVED, "bowl_1", (Sense.EYES,), 3.0),)
 PUT = Evidence(Claim.STANDS, "jar_1")
 
 
@@ -44,10 +47,10 @@ def test_states_are_reported_and_confirmed() -> None:
     """Running at each state with its path, and one final report."""
     scene = Scene()
     scene.start(plan(hfsm.ActState("look", LOOK, (hfsm.Arc(OK, "home"),)), hfsm.ActState("home", HOME)))
-    assert scene.hears("co", 1).at == "look"
+    assert scene.hears("co", 1).at.id == "look"
     scene.hears("ex", 1)
     scene.ex(P.INFORM, rc.Done("plan/1", BODY))
-    assert scene.hears("co", 2).at == "home"
+    assert scene.hears("co", 2).at.id == "home"
     scene.hears("ex", 2)
     scene.ex(P.REFUSE, rc.NotDone("plan/2", "refused", STUCK), number=1)
     scene.wires.run(lambda: scene.wires.nodes["ta"].state.state == "closing")
@@ -133,6 +136,25 @@ def test_an_answer_that_the_plan_does_not_expect(query: wm.AnyQuery, answer: Any
     scene.wires.post("km", Say(0, P.INFORM_REF if isinstance(answer, wm.Truth) else P.FAILURE, answer))
     report = scene.hears("co", 2)
     assert (report.state, report.why) == (sw.WorkerState.REPLAN, (why,))
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_what_was_told_of_a_hand_over_is_said_at_the_end_of_the_plan(given: bool) -> None:
+    """The arm that goes home behind it does not hide it; a look in between tells nothing."""
+    scene, give = Scene(), HandOver("plan/2", Side.LEFT, "jar_1", 1.0, 0.1, 30.0)
+    wanted = (LOOK, give, HOME) if given else (LOOK, HOME)
+    states = [hfsm.ActState(type(act).__name__, replace(act, key=f"plan/{n}")) for n, act in enumerate(wanted)]
+    chained = [replace(one, arcs=(hfsm.Arc(OK, two.name),)) for one, two in pairwise(states)]
+    scene.start(plan(*chained, states[-1]))
+    left = (Evidence(HandOverClaim.GIVEN, "jar_1", (Sense.WRIST, Sense.EYES), 1.0),)
+    for number, act in enumerate(wanted):
+        scene.hears("ex", number + 1)
+        scene.ex(P.INFORM, rc.Done(f"plan/{number}", BODY, evidence=left if act is give else ()), number)
+    report = scene.hears("co", len(wanted) + 1)
+    told = [HandOverKind.HANDED_OVER, HandOverKind.FELT_LEAVING, HandOverKind.SEEN_LEAVING] if given else []
+    assert report.state is sw.WorkerState.SUCCEEDED
+    assert [one.kind for one in report.why if isinstance(one.kind, HandOverKind)] == told
+    assert Kind.SEEN not in {one.kind for one in report.why}
 
 
 @pytest.mark.parametrize("things", [("jar_1", "table_1"), ()])
@@ -281,7 +303,7 @@ FEELS_NOTHING = fact(Kind.ILL, rc.Sensor.LEFT_WRIST, rc.Fault.ZERO, 0.0)
 @pytest.mark.parametrize("fault", rc.Fault)
 def test_each_fault_of_each_sense_is_told(sense: rc.Sensor, fault: rc.Fault) -> None:
     """Of which some never come together; with the number of an offset."""
-    told = senses.told(rc.Done("act", BODY, ill=(rc.Ill(sense, fault, 0.05),)))  # type: ignore[arg-type]
+    told = words.ill(rc.Done("act", BODY, ill=(rc.Ill(sense, fault, 0.05),)))  # type: ignore[arg-type]
     assert told == (fact(Kind.ILL, sense, fault, 0.05),)
 
 
@@ -307,32 +329,32 @@ def test_what_stays_in_the_jar_is_told() -> None:
     for after in (0.21, 0.23):
         scene = Scene()
         scene.start(
-            plan(hfsm.ActState("pour", rc.Pour("plan/1", Side.LEFT, "jar_1", "b", 0.0, 0.0, (0.3, 2.3), 1.0, 0.2)))
+            plan(hfsm.ActState("pour", Pour("plan/1", Side.LEFT, "jar_1", "b", 0.0, 0.0, (0.3, 2.3), 1.0, 0.2)))
         )
         scene.hears("ex", 1)
         scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
         scene.ex(P.INFORM, rc.Done("plan/1", BODY, weighed=(0.26, after), arrived=True, evidence=ARRIVED))
         told.append(scene.hears("co", 2).why)
-    felt = (left(0.05),), (left(0.03), fact(Kind.STILL_IN, "jar_1", 0.03))
-    assert told == [(*one, fact(Kind.ARRIVED_SOME, "b")) for one in felt]
+    felt = (left(0.05),), (left(0.03), fact(PourKind.STILL_IN, "jar_1", 0.03))
+    assert told == [(*one, fact(PourKind.ARRIVED_SOME, "b")) for one in felt]
 
 
 def left(mass: float) -> Fact:
     """So much [kg] was felt to leave the jar."""
-    return fact(Kind.LEFT, "jar_1", mass)
+    return fact(PourKind.LEFT, "jar_1", mass)
 
 
 @pytest.mark.parametrize(
     ("arrived", "content", "state", "told"),
     [
-        (True, 0.058, sw.WorkerState.SUCCEEDED, (fact(Kind.ARRIVED, "bowl_1", 0.06),)),
+        (True, 0.058, sw.WorkerState.SUCCEEDED, (fact(PourKind.ARRIVED, "bowl_1", 0.06),)),
         (
             False,
             0.03,
             sw.WorkerState.FAILED,
-            (fact(Kind.ARRIVED, "bowl_1", 0.03), fact(Kind.REST_NOT_THERE, "bowl_1")),
+            (fact(PourKind.ARRIVED, "bowl_1", 0.03), fact(PourKind.REST_NOT_THERE, "bowl_1")),
         ),
-        (None, None, sw.WorkerState.FAILED, (fact(Kind.NOT_SEEN_IN, "bowl_1"),)),
+        (None, None, sw.WorkerState.FAILED, (fact(PourKind.NOT_SEEN_IN, "bowl_1"),)),
     ],
 )
 def test_content_that_is_not_seen_to_arrive_was_not_poured(
@@ -340,7 +362,7 @@ def test_content_that_is_not_seen_to_arrive_was_not_poured(
 ) -> None:
     """What left the jar was felt; what is in the bowl is seen, and told to km."""
     scene, at = Scene(), Pose((0.7, -0.3, 0.776))
-    pour = rc.Pour("plan/1", Side.LEFT, "jar_1", "bowl_1", 0.0, 0.0, (0.3, 2.3), 1.0, 0.2)
+    pour = Pour("plan/1", Side.LEFT, "jar_1", "bowl_1", 0.0, 0.0, (0.3, 2.3), 1.0, 0.2)
     scene.start(plan(hfsm.ActState("pour", pour)))
     scene.hears("ex", 1)
     scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
@@ -356,7 +378,7 @@ def test_content_that_is_not_seen_to_arrive_was_not_poured(
 def test_content_is_told_only_if_it_was_felt(weighed: tuple[float, float] | None) -> None:
     """With how much left the jar; without a weight km hears of no content."""
     scene = Scene()
-    pour = rc.Pour("plan/1", Side.LEFT, "jar_1", "bowl_1", 0.0, 0.0, (0.3, 2.3), 1.0, 0.2)
+    pour = Pour("plan/1", Side.LEFT, "jar_1", "bowl_1", 0.0, 0.0, (0.3, 2.3), 1.0, 0.2)
     scene.start(plan(hfsm.ActState("pour", pour)))
     scene.hears("ex", 1)
     scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
@@ -438,7 +460,7 @@ def test_a_robot_that_does_not_answer_a_cancel_is_told_of() -> None:
     scene.wires.run_for(5 * acts.STOPPED_S)
     assert scene.states() == ["Running", "Terminating"]
     report = scene.heard["co"][-1][2]
-    assert (report.at, report.why) == ("home", (fact(Kind.NOT_ANSWERING, AgentName.EX),))
+    assert (report.at.id, report.why) == ("home", (fact(Kind.NOT_ANSWERING, AgentName.EX),))
     scene.wires.post("ex", Say(0, P.INFORM, rc.NotDone(HOME.key, "cancelled", CANCELLED), languages.Kind.CANCEL))
     scene.wires.run_for(1.0)
     assert scene.states()[-1] == "Replan"

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.languages import HFSM, hfsm, rc, wm
+from companion.all_languages import HFSM
+from companion.languages import hfsm, rc, wm
 from companion.languages.hfsm import Arc, Machine, Outcome
 from services.task import plan as plans
 from services.task.plan import PlanError, Position

@@ -241,15 +241,6 @@ def test_a_lost_number_loses_its_conversation_and_no_other(design: Design) -> No
     assert yard.say(P.REQUEST, 9.0, "2", conversation="d") == [V.LEGAL]
 
 
-def test_after_deafness_only_what_begins_is_judged(design: Design) -> None:
-    """Open conversations are not."""
-    yard = Yard(design)
-    yard.say(P.REQUEST, 1.0, "1")
-    yard.heard(yard.judge.deaf(2.0, 5.0))
-    assert yard.say(P.INFORM, 6.0, "7", in_reply_to="1") == [V.NOT_JUDGED]
-    assert yard.say(P.REQUEST, 7.0, "4", conversation="d") == [V.LEGAL]
-
-
 def test_an_agent_without_its_journal_numbers_from_one_again(design: Design) -> None:
     """A life with a smaller number: no copy, no gap."""
     yard = Yard(design)

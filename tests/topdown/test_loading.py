@@ -54,6 +54,13 @@ def test_a_misspelt_field_names_the_fields_there_are() -> None:
     assert caught.value.line == line_of(text, "participent")
 
 
+def test_an_entry_that_has_another_name_now_is_told_that_name() -> None:
+    """With its line: a design that was written before is mended by one word."""
+    with pytest.raises(DesignError) as caught:
+        loading.read(SMALL + '[[house]]\nkind = "alive"\n')
+    assert (caught.value.line, caught.value.right) == (SMALL.count("\n") + 1, "it is called [[signal]] now")
+
+
 def test_a_missing_field_points_at_its_entry() -> None:
     """The line is that of the entry that lacks it."""
     text = SMALL.replace('sender = "lamp"\n', "")

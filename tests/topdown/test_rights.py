@@ -49,8 +49,8 @@ def test_nobody_queries_and_the_router_does_nothing(design: Design) -> None:
     assert ROUTER in identities(design)
 
 
-def test_only_an_owner_writes_its_house_keys(design: Design) -> None:
-    """Each process that puts or lives on a key of the house is named in it as its owner, and is among the writers."""
+def test_only_an_owner_writes_its_signals(design: Design) -> None:
+    """Each process that puts or lives on a signal is named in it as its owner, and is among the writers."""
     for family in families(design, "s"):
         if not family.act:
             writers = {
@@ -59,15 +59,15 @@ def test_only_an_owner_writes_its_house_keys(design: Design) -> None:
                 if one.key == family.key and one.action in (Action.PUT, Action.TOKEN)
             }
             assert writers == {family.owner}
-            assert family.owner in design.houses[family.what].writers
+            assert family.owner in design.signals[family.what].writers
             assert family.owner in family.key.split("/")
 
 
 def test_an_agent_hears_receipts_of_its_own_peers_alone() -> None:
-    """km has two peers: of all receipts it hears those two that are for it."""
+    """km: of all receipts it hears those that are for it."""
     mine = [one for one in rights(DESIGN, "s") if one.identity == "km" and "/receipt/" in one.key]
     heard = {one.key for one in mine if one.action == Action.SUBSCRIBE}
-    assert heard == {"roco/s/_/receipt/pl/km", "roco/s/_/receipt/ta/km"}
+    assert heard == {f"roco/s/_/receipt/{peer}/km" for peer in DESIGN.peers("km")}
 
 
 def test_the_router_lets_in_and_out_exactly_the_rights(design: Design) -> None:
@@ -130,6 +130,6 @@ def test_a_writer_with_a_reach_writes_to_no_other_peers() -> None:
 )
 def test_a_reach_of_nobody_is_found(pair: tuple[str, str], wrong: str) -> None:
     """Else a slip of the pen would let the writer reach all."""
-    houses = tuple(replace(one, reach=(pair,)) if one.reach else one for one in DESIGN.file.house)
-    found = check(Design(replace(DESIGN.file, house=houses), DESIGN.path))
-    assert [re.search(wrong, one.wrong) is not None for one in found if one.where == "house control"] == [True]
+    signals = tuple(replace(one, reach=(pair,)) if one.reach else one for one in DESIGN.file.signal)
+    found = check(Design(replace(DESIGN.file, signal=signals), DESIGN.path))
+    assert [re.search(wrong, one.wrong) is not None for one in found if one.where == "signal control"] == [True]

@@ -16,7 +16,7 @@ from agent_runtime.io.sessions import client_config, free_endpoint, open_router
 from companion.design import DESIGN
 from fipa_codec.performatives import Performative
 from topdown.model.design import Design
-from topdown.model.elements import House
+from topdown.model.elements import Signal
 from topdown.model.rights import access_control, identities
 
 SYSTEM = "guarded"
@@ -58,17 +58,17 @@ class Guarded:
 
 
 def keys_of(design: Design) -> tuple[str, ...]:
-    """Every key to try: each act there is, wherever the design has a protocol; each house key with whoever might own it
+    """Every key to try: each act there is, wherever the design has a protocol; each signal with whoever might own it
     and whoever might hear it.
     """
     ways = {(rule.channel, rule.sender, rule.receiver, rule.protocol) for rule in design.rules.values()}
     said = ["/".join(("roco", SYSTEM, *way, act.value)) for way in sorted(ways) for act in Performative]
     names = identities(design)
     served = [
-        house.key.format(system=SYSTEM, owner=owner, peer=peer, incarnation=1)
-        for house in design.file.house
+        signal.key.format(system=SYSTEM, owner=owner, peer=peer, incarnation=1)
+        for signal in design.signals.values()
         for owner in names
-        for peer in (names if "{peer}" in house.key else [""])
+        for peer in (names if "{peer}" in signal.key else [""])
         if owner != peer
     ]
     return (*said, *served)
@@ -83,12 +83,12 @@ def allowed(design: Design, identity: str, action: str, key: str) -> bool:
         hears = identity == receiver or identity in ("monitor", "console")
         return known and ((action == "put" and identity == sender) or (action == "subscribe" and hears))
     kind, owner, *peer = rest
-    house: House = design.houses[kind]
-    addressed = peer if "{peer}" in house.key else []
-    named = [other for writer, other in house.reach if writer == owner]
+    signal: Signal = design.signals[kind]
+    addressed = peer if "{peer}" in signal.key else []
+    named = [other for writer, other in signal.reach if writer == owner]
     reached = named or (design.peers(owner) if owner in design.agents else tuple(design.agents))
-    if owner not in house.writers or (addressed and addressed[0] not in reached):
+    if owner not in signal.writers or (addressed and addressed[0] not in reached):
         return False
     write, read = ("token", "watch") if kind == "alive" else ("put", "subscribe")
-    mine = identity in house.readers and (not addressed or identity == addressed[0] or identity not in design.agents)
+    mine = identity in signal.readers and (not addressed or identity == addressed[0] or identity not in design.agents)
     return (action == write and identity == owner) or (action == read and mine)

@@ -5,6 +5,7 @@ And a link between routers that can go silent, as a cable that is pulled: whoeve
 
 import socket
 import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -16,27 +17,39 @@ from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import client_config
 from agent_runtime.io.zenoh_wire import ZenohWire
+from agent_runtime.testing.step_logs import StepLogs
 from companion.binding import wiring
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
 
 KINDS = ("state",)
-"""House kinds that every agent may write."""
+"""Kinds of signals that every agent may write."""
 
 
 class Pair:
     """co and ta of one system: two sessions, two inboxes. `heard`: everything that came, per agent."""
 
-    def __init__(self, system: str, endpoint: str, keys: Path | None = None) -> None:
-        """`keys`: of the site (agent_runtime.io.issuing), where it has some."""
+    def __init__(self, system: str, endpoint: str, keys: Path | None = None, logs: Path | None = None) -> None:
+        """`keys`: of the site (agent_runtime.io.issuing), where it has some. `logs`: folder of the step logs."""
         self.system = system
+        self._logs = None if logs is None else StepLogs(logs)
+        if logs is not None:
+            for name in ("co", "ta"):
+                (logs / "steps").mkdir(parents=True, exist_ok=True)
+                (logs / "steps" / f"{name}.steps").touch()
         self.sessions = {
             name: zenoh.open(client_config(endpoint, keys and client_tls(keys / system, name))) for name in ("co", "ta")
         }
         self.inboxes = {name: Inbox() for name in self.sessions}
         self.heard: dict[str, list[object]] = {name: [] for name in self.sessions}
         self.wires = {
-            name: ZenohWire(session, wiring(name, system), 1 if system == "velma1" else 2, self.inboxes[name])
+            name: ZenohWire(
+                session,
+                wiring(name, system),
+                1 if system == "velma1" else 2,
+                self.inboxes[name],
+                log=logs and logs / "steps" / f"{name}.steps",
+            )
             for name, session in self.sessions.items()
         }
 
@@ -44,10 +57,13 @@ class Pair:
         """Say one of everything that an agent can say, both ways, with this text in it."""
         for me, peer, act in (("co", "ta", Performative.REQUEST), ("ta", "co", Performative.INFORM)):
             wire = self.wires[me]
-            wire.send(Communicate(
+            one = Communicate(
                 performative=act, protocol="coordinate", language="SW", conversation=text, sender=me, receiver=peer,
-                id=text,
-            ))  # fmt: skip
+                id=text, sent=time.time(),
+            )  # fmt: skip
+            wire.send(one)
+            if self._logs is not None:
+                self._logs.passed(one, time.time())
             wire.send_receipt(Receipt(peer, 0, text, 0))
             wire.ping(peer, text.encode())
             wire.ping(peer, text.encode(), pong=True)

@@ -22,6 +22,7 @@ from agent_runtime.io.sessions import client_config
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind
 from companion.run_files import SLOTS_FILE, TaskLine
+from companion.skills.loop_messages import Phase
 from companion.tools.system import SYSTEM
 from companion.tools.verbs.hi import Hi, address
 from operate.cli.fleet import starting
@@ -32,7 +33,6 @@ from operate.recording import mcap_file
 from operate.recording.records import Spoken
 from operate.run_folder import ProcessState
 from services.executor.loop.link import AgentLink, LoopState, Told
-from services.executor.loop.program import Phase
 from velma.errors import SlotError
 from velma.sim.truth import Truth
 
@@ -158,7 +158,7 @@ class RocoFleet:
         def there() -> bool:
             line = self.task(task)
             assert line.state not in ENDED, line
-            return point(Moment(line.at, line.why, self.truth(), self.state(), self.link.told()))
+            return point(Moment(line.at.id if line.at else "", line.why, self.truth(), self.state(), self.link.told()))
 
         self.wait(there, "the point was reached", within_s)
 

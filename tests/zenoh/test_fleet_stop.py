@@ -7,7 +7,7 @@ import pytest
 from roco_fleet import Moment, RocoFleet, safely_down
 
 from companion.languages.facts import Kind, fact, with_reasons
-from services.executor.loop.program import Mode
+from companion.skills.loop_messages import Mode
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(400)]
 

@@ -199,7 +199,7 @@ def test_who_lives_may_be_asked(guarded: Guarded, identity: str) -> None:
     token = guarded.router.liveliness().declare_token(f"roco/{SYSTEM}/_/alive/co/7")
     other = guarded.router.liveliness().declare_token(f"roco/{SYSTEM}/_/state/co")
     session = guarded.session(identity)
-    seen = {f"roco/{SYSTEM}/_/alive/co/7"} if identity in DESIGN.houses["alive"].readers else set()
+    seen = {f"roco/{SYSTEM}/_/alive/co/7"} if identity in DESIGN.signals["alive"].readers else set()
     assert _alive(session, f"roco/{SYSTEM}/_/alive/co/*") == seen
     assert not _alive(session, f"roco/{SYSTEM}/_/state/co")
     assert not _alive(session, "**")

@@ -21,9 +21,10 @@ from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import RIGHTS, client_tls
 from agent_runtime.io.sessions import client_config
 from agent_runtime.testing.stand_in import StandIn
+from companion.all_languages import LANGUAGES
 from companion.binding import wiring
 from companion.design import DESIGN
-from companion.languages import LANGUAGES, cmd
+from companion.tasks.look_around.command import LookAround
 from companion.tools.verbs.hi import Hi, address
 from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
 from fipa_codec.performatives import Performative
@@ -38,7 +39,7 @@ RULE = DESIGN.rules["hi", "co", "request", Performative.REQUEST]
 KEY = DESIGN.key_of(SYSTEM, RULE)
 LOOK = Communicate(
     performative=Performative.REQUEST, protocol="request", sender="hi", receiver="co", language="CMD",
-    ontology=RULE.ontology, content=CMD.encode(cmd.LookAround()), conversation="look",
+    ontology=RULE.ontology, content=CMD.encode(LookAround()), conversation="look",
 )  # fmt: skip
 
 

@@ -135,7 +135,6 @@ DESIGNED = (
     ("\n# --- agents: states", USE + "\n# --- agents: states"),
     ('\n[[agent]]\nname = "dispatcher"', ASKING + '\n[[agent]]\nname = "dispatcher"'),
     ('\n[[agent]]\nname = "traffic"', TARIFF + '\n[[agent]]\nname = "traffic"'),
-    ('["desk", "dispatcher", "traffic", "mule", "ox"]', '["desk", "dispatcher", "traffic", "mule", "ox", "tariff"]'),
     ('talks = ["watch"]', 'talks = ["watch", "price"]'),
 )
 

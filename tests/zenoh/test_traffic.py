@@ -18,7 +18,8 @@ import zenoh
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.sessions import client_config, free_endpoint, open_router
 from agent_runtime.testing.scripted_peers import LivingError, Stage
-from fipa_codec.communicate import encode
+from agent_runtime.testing.step_logs import StepLogs
+from fipa_codec.communicate import decode, encode
 from operate.cli.traffic.listen import Said, recorded, said
 from operate.cli.traffic.play import moved
 from operate.recording import mcap_file
@@ -43,7 +44,7 @@ SAID = [one for sample in recorded(POUR) if sample is not None and (one := said(
 
 
 class Router:
-    """A router, a run folder that tells of it, and somebody who says what was recorded."""
+    """A router, a run folder that tells of it, and agents that say what was recorded."""
 
     def __init__(self, run: Path) -> None:
         self.run, self.endpoint = run, free_endpoint()
@@ -51,7 +52,7 @@ class Router:
         (run / FLEET_FILE).write_bytes(msgspec.json.encode(told))
         self._router = open_router(self.endpoint)
         self.session = zenoh.open(client_config(self.endpoint))
-        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._logs = StepLogs(run)
         self.running: list[subprocess.Popen[bytes]] = []
         self.said: list[Said] = []
 
@@ -60,7 +61,7 @@ class Router:
         command = [*ROCO, *words, "--run-dir", str(self.run)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=self.run)
         self.running.append(process)
-        ear = self.session.declare_publisher("roco/roco/C1/a/b/c/d")
+        ear = self.session.declare_publisher(service_key("roco", "state", "co"))
         wait_for(lambda: ear.matching_status.matching or process.poll() is not None, "somebody listens")
         ear.undeclare()
         return process
@@ -69,7 +70,7 @@ class Router:
         """The first communicates of the recording, at once."""
         self.said = [_now(one) for one in SAID[:count]]
         for one in self.said:
-            self.session.put("roco/roco/" + one.key.split("/", 2)[2], one.data)
+            self._logs.passed(decode(one.data), time.time())
 
     def close(self) -> None:
         """End all of it."""
@@ -82,7 +83,7 @@ class Router:
 
 @pytest.fixture
 def router(tmp_path: Path) -> Iterator[Router]:
-    """Nothing but a router."""
+    """Nothing but a router and the logs of agents that do not run."""
     made = Router(tmp_path)
     yield made
     made.close()
@@ -200,26 +201,24 @@ def _kept(file: Path) -> int:
 
 def test_what_is_replayed_is_judged_as_it_was(router: Router) -> None:
     """On its own system name, with reply-by moved to now: nothing is late, and nothing is said to the fleet."""
-    (router.run / FLEET_FILE).write_bytes(
-        msgspec.json.encode(Fleet(system="replay", connect=router.endpoint, supervisor=0, started=0.0, processes=()))
-    )
     heard: list[str] = []
     fleet = router.session.declare_subscriber("roco/roco/**", lambda sample: heard.append(str(sample.key_expr)))
     count = sum(one.channel != "C4" for one in SAID)
     only = [word for channel in ("C1", "C2", "C3", "C5", "C6") for word in ("--channel", channel)]
-    process = subprocess.Popen(
-        [*ROCO, "traffic", "echo", "--run-dir", str(router.run), "--format", "json", "--count", str(count)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
-    router.running.append(process)
-    ear = router.session.declare_publisher("roco/replay/C1/a/b/c/d")
-    wait_for(lambda: ear.matching_status.matching, "it listens")
     words = [*ROCO, "replay", str(POUR), "--connect", router.endpoint, "--speed", "40", *only, "--format", "json"]
-    done = subprocess.run(words, capture_output=True, timeout=DEADLINE_S, check=True)
-    replayed = msgspec.json.decode(done.stdout)
+    with subprocess.Popen([*words, "--after", "8"], cwd=router.run, stdout=subprocess.PIPE) as replaying:
+        wait_for(lambda: list(router.run.glob(f"runs/replay-*/{FLEET_FILE}")), "the replay says where it is")
+        (folder,) = router.run.glob("runs/replay-*")
+        process = subprocess.Popen(
+            [*ROCO, "traffic", "echo", "--run-dir", str(folder), "--format", "json", "--count", str(count)],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+        router.running.append(process)
+        lines = told(process)
+        out, _ = replaying.communicate(timeout=DEADLINE_S)
+    replayed = msgspec.json.decode(out)
     assert replayed["communicates"] == count
     assert replayed["seconds"] >= replayed["recorded_s"] / 40
-    lines = told(process)
     assert {line["verdict"] for line in lines} <= {"legal", "slow"}
     assert all(abs(line["sent"] - line["t"]) < 10 for line in lines)
     assert heard == []

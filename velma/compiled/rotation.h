@@ -1,12 +1,28 @@
-/* Rotations by rows (9,). */
+/* Rotations by rows (9,), vectors (3,), poses as rotation and position (12,). */
 
 #include <math.h>
+#include <string.h>
 
 static inline void product(const double *a, const double *b, double *out)
 {
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
+}
+
+/* Write a' b. */
+static inline void unturned(const double *a, const double *b, double *out)
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            out[3 * i + j] = a[i] * b[j] + a[3 + i] * b[3 + j] + a[6 + i] * b[6 + j];
+}
+
+static inline void cross(const double *a, const double *b, double *out)
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
 /* Write the rotation vector (3,) [rad] of a rotation. */
@@ -41,4 +57,25 @@ static inline void difference(const double *turn, const double *at, const double
     }
     product(goal_turn, back, left);
     logarithm(left, out + 3);
+}
+
+/* Write the pose of what is placed in another pose. */
+static inline void go(const double *pose, const double *placed, double *out)
+{
+    product(pose, placed, out);
+    for (int i = 0; i < 3; i++)
+        out[9 + i] = pose[9 + i] + (pose[3 * i] * placed[9] + pose[3 * i + 1] * placed[10] + pose[3 * i + 2] * placed[11]);
+}
+
+/* Turn a pose about an axis of its own, of length 1 (Rodrigues). */
+static inline void hinge(double *pose, const double *u, double angle)
+{
+    double s = sin(angle), c = cos(angle), t = 1.0 - c, turn[9];
+    double about[9] = {
+        t * u[0] * u[0] + c, t * u[0] * u[1] - s * u[2], t * u[0] * u[2] + s * u[1],
+        t * u[0] * u[1] + s * u[2], t * u[1] * u[1] + c, t * u[1] * u[2] - s * u[0],
+        t * u[0] * u[2] - s * u[1], t * u[1] * u[2] + s * u[0], t * u[2] * u[2] + c,
+    };
+    product(pose, about, turn);
+    memcpy(pose, turn, sizeof turn);
 }

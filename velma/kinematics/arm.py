@@ -7,6 +7,7 @@ Lengths and placement are read from the model; NotSuchAnArm for another kind of 
     shoulder R(q0, q1, q2) = Rz Ry Rz,  elbow Ry(-q3),  wrist R(q4, q5, q6) = Rz Ry Rz
 """
 
+import ctypes
 from itertools import product
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from velma import names
+from velma.compiled import library
 from velma.kinematics.robot import Robot
 from velma.names import Array, Columns
 
@@ -44,6 +46,39 @@ def _cross(a: Array, b: Array) -> Array:
     return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=1)
 
 
+class _Arm(ctypes.Structure):
+    """As in arm.c."""
+
+    _fields_ = (("upper", ctypes.c_double), ("fore", ctypes.c_double), ("shoulder", ctypes.c_double * 12))
+
+
+class _Wanted(ctypes.Structure):
+    """As in arm.c."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("lower", "upper")),
+        *((name, ctypes.c_double) for name in ("margin", "torso")),
+        *((name, ctypes.c_int) for name in ("corners", "column")),
+        ("polygon", ctypes.c_void_p),
+    )
+
+
+class Wanted:
+    """In which postures a motion may end: `margin` [rad] inside the limits (7,), the last two joints in `polygon`
+    (corners, 2), the torso within `torso` [rad] of ahead; `column`: the first of the arm in a posture (15,).
+    """
+
+    def __init__(self, lower: Array, upper: Array, margin: float, torso: float, polygon: Array, column: int) -> None:
+        self._arrays = [np.array(one, dtype=np.float64) for one in (lower, upper, polygon)]
+        pointers = [array.ctypes.data for array in self._arrays]
+        self.itself = _Wanted(pointers[0], pointers[1], margin, torso, len(polygon), column, pointers[2])
+
+
+def _numbers(pose: Any) -> Any:
+    """A pose as arm.c takes it."""
+    return (ctypes.c_double * 12)(*pose.rotation.ravel(), *pose.translation)
+
+
 class ArmGeometry:
     """Lengths and frames of one arm, and the postures that bring its grip to a pose."""
 
@@ -61,6 +96,10 @@ class ArmGeometry:
         self.T_world_torso = model.jointPlacements[1]
         hand = model.frames[robot.frame[side]].placement  # last joint to grip
         self.T_grip_wrist = hand.inverse() * pin.SE3(np.eye(3), np.array([0.0, 0.0, -z[6]]))
+        built = library()
+        self._compiled: Any = built.arm_postures if built is not None else None
+        self._comfortable: Any = built.arm_comfortable if built is not None else None
+        self._arm = _Arm(self.upper, self.fore, _numbers(self.T_torso_shoulder))
 
     def postures(self, target: Any, torso: Array, swivel: Array) -> tuple[Array, Columns]:
         """Return the 8 postures of each pair (torso, swivel), (n,) [rad] each, the grip at `target` (T_world_grip).
@@ -69,6 +108,8 @@ class ArmGeometry:
         Limits are not checked.
         """
         wrist = self.T_world_torso.inverse() * target * self.T_grip_wrist
+        if self._compiled is not None:
+            return self._by_library(wrist, torso, swivel)
         cos, sin = np.cos(torso), np.sin(torso)
         unturn = np.zeros((len(torso), 3, 3))
         unturn[:, 0, 0], unturn[:, 0, 1], unturn[:, 1, 0], unturn[:, 1, 1], unturn[:, 2, 2] = cos, sin, -sin, cos, 1.0
@@ -89,6 +130,26 @@ class ArmGeometry:
         q0, q1, q2 = _zyz(upper_frame, shoulder_sign)
         q4, q5, q6 = _zyz(fore_frame.transpose(0, 2, 1) @ goal[index], wrist_sign)
         return np.stack((torso[index], q0, q1, q2, q3, q4, q5, q6), axis=1), index
+
+    def _by_library(self, wrist: Any, torso: Array, swivel: Array) -> tuple[Array, Columns]:
+        pairs = np.array((torso, swivel), dtype=np.float64)
+        most = len(BRANCHES) * pairs.shape[1]
+        found, index = np.empty((most, len(names.ARM[names.SIDES[0]]) + 1)), np.empty(most, dtype=np.int32)
+        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (*pairs, found, index)]
+        count = self._compiled(ctypes.byref(self._arm), _numbers(wrist), ctypes.c_int(pairs.shape[1]), *pointers)
+        return found[:count], index[:count]
+
+    def comfortable(self, target: Any, torso: Array, swivel: Array, wanted: Wanted, q: Array) -> Array | None:
+        """Return the postures (m, 15) of `postures` in which a motion may end, else as q; None without a library."""
+        if self._comfortable is None:
+            return None
+        wrist = self.T_world_torso.inverse() * target * self.T_grip_wrist
+        given = np.array((torso, swivel), dtype=np.float64), np.array(q, dtype=np.float64)
+        found = np.empty((len(BRANCHES) * len(torso), len(q)))
+        (torsos, swivels), other = given
+        arrays = [ctypes.c_void_p(array.ctypes.data) for array in (torsos, swivels, other, found)]
+        which = ctypes.byref(self._arm), ctypes.byref(wanted.itself)
+        return found[: self._comfortable(*which, _numbers(wrist), ctypes.c_int(len(torso)), *arrays)]
 
     def _elbow(self, way: Array, reach: Array, swivel: Array) -> tuple[Array, Array, Array]:
         """Return directions of upper arm and forearm (n, 3) in the shoulder frame, and elbow angle (n,), positive."""

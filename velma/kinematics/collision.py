@@ -6,7 +6,6 @@ simulates, so both give the same verdicts (tested). Every geometry belongs to a 
 thing in a hand is checked against all but that hand. No planning, no physics.
 """
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -18,11 +17,13 @@ import numpy as np
 import pinocchio as pin
 
 from velma import names
+from velma.compiled import library
 from velma.errors import VelmaError
 from velma.kinematics.frames import transform
-from velma.kinematics.near import Among, near
+from velma.kinematics.near import Near, Tree, tree
+from velma.kinematics.plain_checks import PlainChecks
 from velma.kinematics.robot import Robot, body_frame
-from velma.kinematics.shapes import solid
+from velma.kinematics.shapes import distance, nearer, solid
 from velma.names import Array
 
 Kind = Literal["furniture", "object"]
@@ -48,17 +49,28 @@ class _Thing:
     pose: Any  # T_world_thing, or T_grip_thing while held
     side: str | None = None
     geometries: range = field(default=range(0))
+    solids: list[Any] = field(init=False)
+    at: list[Any] = field(init=False)  # T_thing_shape
+
+    def __post_init__(self) -> None:
+        self.solids = [solid(shape) for shape in self.shapes]
+        self.at = [transform(shape.at) for shape in self.shapes]
 
 
 @dataclass(frozen=True)
 class _Body:
-    """The robot's geometries: all 33 joints, their shapes, the group of each, and which pairs are compared (n, n)."""
+    """The robot's geometries: all 33 joints, their shapes, the group of each, and which pairs are compared (n, n).
+
+    `tree`: its hinges; `columns` (15,): the angle of each joint of a posture among all angles.
+    """
 
     model: Any
     shapes: Any
     groups: tuple[str, ...]
     meets: Array
     fixed: Array
+    tree: Tree
+    columns: names.Columns
 
 
 def _group(body: str) -> str:
@@ -77,7 +89,8 @@ def _body(robot: Robot) -> _Body:
     # MuJoCo never compares shapes on one joint, nor a link with its parent, unless that is the world.
     neighbours = (parents[:, None] == joints) & (parents[:, None] > 0)
     meets = apart & (joints[:, None] != joints) & ~neighbours & ~neighbours.T
-    return _Body(model, shapes, tuple(map(_group, bodies)), meets, joints == 0)
+    columns = np.array([model.joints[model.getJointId(name)].idx_q for name in names.BODY])
+    return _Body(model, shapes, tuple(map(_group, bodies)), meets, joints == 0, tree(model, columns), columns)
 
 
 class World:
@@ -91,13 +104,11 @@ class World:
         self._data = model.createData()
         self._q = pin.neutral(model)
         self._head = model.getJointId(names.HEAD[-1])
-        self._columns = np.array([model.joints[model.getJointId(name)].idx_q for name in names.BODY])
         self._index = {name: model.joints[model.getJointId(name)].idx_q for name in list(model.names)[1:]}
         self._grip = {side: body_frame(model, names.GRIP_BODY[side]) for side in names.SIDES}
         self._things: dict[str, _Thing] = {}
         self._allowed: tuple[tuple[str, str], ...] = ()
-        self._shapes: Any = None  # None after things were added or removed: everything below is built again
-        self._pairs: Array = np.empty((0, 0))  # which geometries may ever meet (n, n)
+        self._checks: Near | PlainChecks | None = None  # None after things were added or removed
         self._fresh = False  # whether the compared pairs agree with what is held and allowed
 
     @property
@@ -107,10 +118,7 @@ class World:
 
     @margin.setter
     def margin(self, margin: float) -> None:
-        if margin != self._margin:
-            self._margin = margin
-            if self._shapes is not None:
-                self._broaden()
+        self._margin = margin
 
     # -- things ----------------------------------------------------------------------------------------------------
     def put(self, name: str, shapes: Sequence[Any], pose: Any, kind: Kind = "furniture") -> None:
@@ -119,8 +127,6 @@ class World:
         if old is not None and (old.shapes is shapes or old.shapes == tuple(shapes)) and old.kind == kind:
             self._place(old, None, pose)
             return
-        for shape in shapes:
-            solid(shape)  # raise NoShape now, not at the next check
         self._things[name] = _Thing(tuple(shapes), kind, pose)
         self._forget()
 
@@ -179,31 +185,31 @@ class World:
     # -- checks ----------------------------------------------------------------------------------------------------
     def free(self, q: Array) -> bool:
         """Whether nothing comes nearer to anything than the margin, at q (15,), which is finite."""
-        if not all(map(math.isfinite, q.tolist())):  # 0.6 us of 12; nothing would meet what is nowhere
-            return False
-        if not self._fresh:
-            self._refresh()
         self.checks += 1
-        self._q[self._columns] = q
-        pin.updateGeometryPlacements(self._body.model, self._data, self._shapes, self._placed, self._q)
-        if self._among is None:
-            self._broad.update(False)
-            return not pin.computeCollisions(self._broad, self._stop)
-        left = self._among.left(self._margin)
-        return left is not None and not any(pin.computeCollision(self._shapes, self._placed, k) for k in left)
+        return self._current().free(self._compares, self._margin, q)
+
+    def first_free(self, postures: Array) -> int | None:
+        """Return the number of the first posture (n, 15) that is free, as `free` says; None if none is."""
+        found = self._current().first(self._compares, self._margin, postures, True)
+        self.checks += min(found + 1, len(postures))
+        return found if found < len(postures) else None
+
+    def all_free(self, postures: Array) -> bool:
+        """Whether all postures (n, 15) are free, as `free` says; none is looked at after one that is not."""
+        found = self._current().first(self._compares, self._margin, postures, False)
+        self.checks += min(found + 1, len(postures))
+        return found == len(postures)
 
     def touching(self, q: Array) -> list[tuple[str, str, float]]:
         """Return pairs nearer than the margin at q, nearest first: link or thing, link or thing, distance [m]."""
-        if not self._fresh:
-            self._refresh()
-        self._q[self._columns] = q
-        pin.computeCollisions(self._body.model, self._data, self._shapes, self._placed, self._q, False)
+        checks = self._current()
         nearest: dict[tuple[str, str], float] = {}
-        for k, pair in enumerate(self._shapes.collisionPairs):
-            if self._placed.activeCollisionPairs[k] and self._placed.collisionResults[k].isCollision():
-                key = (self._called(pair.first), self._called(pair.second))
-                distance = pin.computeDistance(self._shapes, self._placed, k).min_distance
-                nearest[key] = min(distance, nearest.get(key, np.inf))
+        for k in checks.close(self._compares, self._margin, q):
+            first, second = (int(shape) for shape in self._numbered[:, k])
+            pair = checks.solids[first], checks.at(first), checks.solids[second], checks.at(second)
+            if nearer(*pair, self._margin):
+                key = (self._called(first), self._called(second))
+                nearest[key] = min(distance(*pair), nearest.get(key, np.inf))
         return sorted(((a, b, d) for (a, b), d in nearest.items()), key=lambda found: found[2])
 
     def hidden(self, q: Array, eye: Array, points: Sequence[Array], name: str) -> int:
@@ -211,14 +217,13 @@ class World:
 
         Neither the head nor that thing itself hides any.
         """
-        if not self._fresh:
-            self._refresh()
-        self._q[self._columns] = q
-        pin.updateGeometryPlacements(self._body.model, self._data, self._shapes, self._placed, self._q)
+        checks = self._current()
+        checks.close(self._compares, self._margin, q)
+        joints = [geometry.parentJoint for geometry in self._body.shapes.geometryObjects]
         others = [
-            (self._shapes.geometryObjects[k].geometry, coal.Transform3s(at.rotation, at.translation))
-            for k, (group, at) in enumerate(zip(self._groups, self._placed.oMg, strict=True))
-            if group != name and self._shapes.geometryObjects[k].parentJoint != self._head
+            (checks.solids[k], checks.at(k))
+            for k, group in enumerate(self._groups)
+            if group != name and not (k < len(joints) and joints[k] == self._head)
         ]
         return sum(_crossed(others, eye, point) for point in points)
 
@@ -231,9 +236,8 @@ class World:
             for name, thing in self._things.items()
             if thing.side is None
             and any(
-                coal.collide(room, there, solid(part), _placed(thing.pose * transform(part.at)), request, found)
-                for part in thing.shapes
-                for found in (coal.CollisionResult(),)
+                coal.collide(room, there, part, _placed(thing.pose * at), request, coal.CollisionResult())
+                for part, at in zip(thing.solids, thing.at, strict=True)
             )
         }
 
@@ -251,67 +255,66 @@ class World:
         return pin.updateFramePlacement(self._body.model, self._data, self._grip[thing.side]) * thing.pose
 
     def _forget(self) -> None:
-        self._shapes, self._fresh = None, False
+        self._checks, self._fresh = None, False
 
     def _called(self, geometry: int) -> str:
-        shape = self._shapes.geometryObjects[geometry]
-        return str(self._body.model.frames[shape.parentFrame].name if geometry < len(self._body.groups) else shape.name)
+        own = len(self._body.groups)
+        if geometry >= own:
+            return str(self._groups[geometry])
+        return str(self._body.model.frames[self._body.shapes.geometryObjects[geometry].parentFrame].name)
 
     def _place(self, thing: _Thing, side: str | None, pose: Any) -> None:
         self._fresh = self._fresh and thing.side == side
         thing.side, thing.pose = side, pose
-        if self._shapes is None:
-            return
-        joint, T_joint_thing = 0, pose
-        if side is not None:
-            grip = self._body.model.frames[self._grip[side]]
-            joint, T_joint_thing = grip.parentJoint, grip.placement * pose
-        for k, shape in zip(thing.geometries, thing.shapes, strict=True):
-            geometry = self._shapes.geometryObjects[k]
-            geometry.parentJoint, geometry.placement = joint, T_joint_thing * transform(shape.at)
+        if self._checks is not None:
+            self._mount(self._checks, thing)
 
-    def _refresh(self) -> None:
-        """Compare what may not touch as things are held and allowed now; what was worked out for it before is kept."""
-        if self._shapes is None:
-            self._build()
-        now = (self._allowed, tuple(thing.side for thing in self._things.values()))
-        if now not in self._worked_out:
-            meets = self._compared()
-            among = self._near.among(meets[self._numbered]) if self._near is not None else None
-            self._worked_out[now] = meets, among
-        meets, self._among = self._worked_out[now]
-        self._placed.setActiveCollisionPairs(self._shapes, meets, True)
-        self._fresh = True
+    def _mount(self, checks: Near | PlainChecks, thing: _Thing) -> None:
+        joint, T_joint_thing = 0, thing.pose
+        if thing.side is not None:
+            grip = self._body.model.frames[self._grip[thing.side]]
+            joint, T_joint_thing = grip.parentJoint, grip.placement * thing.pose
+        for k, at in zip(thing.geometries, thing.at, strict=True):
+            checks.mount(k, joint, T_joint_thing * at)
 
-    def _build(self) -> None:
-        """Build all geometries again, with every pair that may be compared."""
-        self._shapes = self._body.shapes.copy()
-        groups = list(self._body.groups)
+    def _current(self) -> Near | PlainChecks:
+        """Return the checks, with what may not touch as things are held and allowed now; worked out once for each."""
+        checks = self._checks
+        if checks is None:
+            checks = self._checks = self._built()
+        if not self._fresh:
+            now = (self._allowed, tuple(thing.side for thing in self._things.values()))
+            if now not in self._worked_out:
+                self._worked_out[now] = checks.among(self._compared()[tuple(self._numbered)])
+            self._compares, self._fresh = self._worked_out[now], True
+        return checks
+
+    def _built(self) -> Near | PlainChecks:
+        """Return checks of all shapes, with every pair that may be compared."""
+        groups, solids = list(self._body.groups), [one.geometry for one in self._body.shapes.geometryObjects]
         for name, thing in self._things.items():
             thing.geometries = range(len(groups), len(groups) + len(thing.shapes))
-            for shape in thing.shapes:
-                geometry = pin.GeometryObject(name, 0, 0, transform(shape.at), solid(shape))
-                geometry.name = name
-                self._shapes.addGeometryObject(geometry)
-                groups.append(name)
+            groups += [name] * len(thing.shapes)
+            solids += thing.solids
         self._groups = np.array(groups)
-        for thing in self._things.values():
-            self._place(thing, thing.side, thing.pose)
         self._pairs = self._possible()
-        self._shapes.setCollisionPairs(self._pairs, True)
-        self._placed = self._shapes.createData()
-        self._stop = pin.CollisionCallBackDefault(self._shapes, self._placed, True)
-        self._numbered = np.nonzero(np.triu(self._pairs))
-        self._near = near(self._shapes, self._placed, groups, np.array(self._numbered))
-        self._worked_out: dict[Any, tuple[Array, Among | None]] = {}
-        self._broaden()
+        self._numbered: names.Columns = np.array(np.nonzero(np.triu(self._pairs)))
+        self._worked_out: dict[Any, Any] = {}
+        body, built = self._body, library()
+        if built is None:
+            return self._filled(PlainChecks(body.model, self._q, body.columns, solids, self._numbered))
+        joints = [one.parentJoint for one in body.shapes.geometryObjects] + [0] * (len(groups) - len(body.groups))
+        numbers: dict[tuple[int, str], int] = {}
+        bodies = np.array([numbers.setdefault(key, len(numbers)) for key in zip(joints, groups, strict=True)])
+        return self._filled(Near(built, body.tree, self._q, solids, bodies, self._numbered))
 
-    def _broaden(self) -> None:
-        """Extend the broad phase by the margin. Of those in Pinocchio, comparing all boxes is the quickest here."""
-        margins = np.full((len(self._groups), len(self._groups)), self._margin)
-        self._placed.setSecurityMargins(self._shapes, margins, True, True)
-        if self._near is None:
-            self._broad = pin.BroadPhaseManager_NaiveCollisionManager(self._body.model, self._shapes, self._placed)
+    def _filled(self, checks: Near | PlainChecks) -> Near | PlainChecks:
+        """Return checks with each shape where it is."""
+        for k, one in enumerate(self._body.shapes.geometryObjects):
+            checks.mount(k, one.parentJoint, one.placement)
+        for thing in self._things.values():
+            self._mount(checks, thing)
+        return checks
 
     def _possible(self) -> Array:
         count, own = len(self._groups), len(self._body.groups)

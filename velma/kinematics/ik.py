@@ -14,12 +14,14 @@ import numpy as np
 import pinocchio as pin
 
 from velma import names
-from velma.kinematics.arm import ArmGeometry
+from velma.kinematics.arm import ArmGeometry, Wanted
 from velma.kinematics.chain import Limits
 from velma.kinematics.robot import Robot, between
 from velma.names import Array, Columns
 
 Accept = Callable[[Array], bool]
+First = Callable[[Array], int | None]
+"""Of postures (n, 15), in order: the number of the first that is accepted."""
 
 TORSO_END = 1.3  # rad: distance of end postures from the torso's limit of 1.57 (trial runs: turning back needs room)
 END_MARGIN = 0.08  # rad from every limit of the arm at the end of a motion (trial runs)
@@ -28,6 +30,8 @@ _DAMPING = 1e-4  # of J J^T; small enough to reach 0.5 mm, large enough to pass 
 _LARGEST_TURN = 0.35  # rad a joint may move in one iteration
 _LARGEST_ERROR = 0.25  # m and rad: targets farther away are approached in parts
 _A_SECOND = 0.04  # comfort per second of travel: 8 s outweigh a third of a radian from a limit (estimate)
+_TOLERANCE = (5e-4, 2e-3)  # m and rad, of each axis
+_ON_A_LINE = 15  # iterations from one pose of a line to the next
 _JUMP = 0.25  # rad between neighbours of a line: more means that the elbow flipped
 
 
@@ -56,7 +60,7 @@ def solve(
     *,
     columns: Columns | None = None,
     iterations: int = 45,
-    tolerance: tuple[float, float] = (5e-4, 2e-3),
+    tolerance: tuple[float, float] = _TOLERANCE,
 ) -> Array | None:
     """Return q with the grip of `side` at `target`, reached from q by moving only `columns` (torso + arm by default).
 
@@ -113,45 +117,67 @@ def line(
     length = float(np.linalg.norm(target.translation - start.translation))
     turn = float(np.linalg.norm(pin.log3(target.rotation @ start.rotation.T)))
     count = max(2, int(max(length / step, turn / 0.06)))
+    compiled = robot.chain[side]
+    if compiled is not None:
+        limits = _limits(robot, tuple(columns.tolist()), _ON_A_LINE, _TOLERANCE)
+        solved, jumps = compiled.line(start, target, count, q, limits, _JUMP)
+    else:
+        solved, jumps = _solved_line(robot, side, between(start, target, count), q, columns)
     path = [q]
-    for k, pose in enumerate(between(start, target, count)):
-        following = solve(robot, side, pose, path[-1], columns=columns, iterations=15)
-        if following is None:
-            raise PathBlocked("reach", path[-1], k / count)
-        if np.abs(following - path[-1]).max() > _JUMP:
-            raise PathBlocked("jump", following, k / count)
+    for following in solved[: len(solved) - jumps]:
         if accept is not None and not accept(following):
-            raise PathBlocked("collision", following, k / count)
+            raise PathBlocked("collision", following, (len(path) - 1) / count)
         path.append(following)
+    if jumps:
+        raise PathBlocked("jump", solved[-1], (len(path) - 1) / count)
+    if len(path) <= count:
+        raise PathBlocked("reach", path[-1], (len(path) - 1) / count)
     return path
+
+
+def _solved_line(robot: Robot, side: str, poses: list[Any], q: Array, columns: Columns) -> tuple[list[Array], bool]:
+    """Return a posture for each pose, up to one that is not found, or jumps from the one before; whether one does."""
+    path = [q]
+    for pose in poses:
+        following = solve(robot, side, pose, path[-1], columns=columns, iterations=_ON_A_LINE)
+        if following is None:
+            break
+        path.append(following)
+        if np.abs(following - path[-2]).max() > _JUMP:
+            return path[1:], True
+    return path[1:], False
 
 
 def _inside(polygon: Array, x: Array, y: Array) -> Any:
     """Return which points (n,) are inside the polygon (corners, 2): an odd number of edges is to the right of each."""
-    x0, y0 = polygon[:, 0, None], polygon[:, 1, None]
-    x1, y1 = np.roll(x0, 1, axis=0), np.roll(y0, 1, axis=0)
+    x0, y0 = polygon.T[:, :, None]
+    x1, y1 = np.concatenate((polygon[1:], polygon[:1])).T[:, :, None]
     crosses = (y0 > y) != (y1 > y)
     at = (x1 - x0) * (y - y0) / (y1 - y0) + x0
     return np.count_nonzero(crosses & (x < at), axis=0) % 2 == 1
 
 
-def _margins(robot: Robot, arm: Array, side: str) -> tuple[Array, Array]:
-    """Of arms (n, 7): distance to the nearest limit and to the nearest straight shoulder, elbow or wrist, (n,) rad."""
+def _to_limit(robot: Robot, arm: Array, side: str) -> Array:
+    """Distance [rad] of arms (n, 7) to the nearest limit, (n,)."""
     columns = names.ARM[side]
-    to_limit = np.minimum(arm - robot.lower[columns], robot.upper[columns] - arm).min(axis=1)
-    return to_limit, np.abs(arm[:, 1::2]).min(axis=1)
+    return np.asarray(np.minimum(arm - robot.lower[columns], robot.upper[columns] - arm).min(axis=1))
+
+
+def _to_singular(arm: Array) -> Array:
+    """Distance [rad] of arms (n, 7) to the nearest straight shoulder, elbow or wrist, (n,)."""
+    return np.asarray(np.abs(arm[:, 1::2]).min(axis=1))
 
 
 def margin(robot: Robot, q: Array, side: str) -> tuple[float, float]:
     """Return distance [rad] of the arm to its nearest limit, and of joints 1, 3, 5 to zero, where they are singular."""
-    to_limit, to_singular = _margins(robot, q[None, names.ARM[side]], side)
-    return float(to_limit[0]), float(to_singular[0])
+    arm = q[None, names.ARM[side]]
+    return float(_to_limit(robot, arm, side)[0]), float(_to_singular(arm)[0])
 
 
 def _comfortable(robot: Robot, arm: Array, torso: Array, side: str) -> Any:
-    to_limit, _ = _margins(robot, arm, side)
-    inside = _inside(names.WRIST_POLYGON[side], arm[:, 5], arm[:, 6])
-    return (to_limit >= END_MARGIN) & inside & (np.abs(torso) <= TORSO_END)
+    fits = (_to_limit(robot, arm, side) >= END_MARGIN) & (np.abs(torso) <= TORSO_END)
+    fits[fits] = _inside(names.WRIST_POLYGON[side], *arm[fits, 5:].T)  # of few: the polygon takes longest
+    return fits
 
 
 def comfortable(robot: Robot, q: Array, side: str) -> bool:
@@ -164,7 +190,8 @@ def comfort(robot: Robot, q: Array, side: str) -> Array:
 
     The weights are those that chose grasps in the trial runs.
     """
-    to_limit, to_singular = _margins(robot, q[:, names.ARM[side]], side)
+    arm = q[:, names.ARM[side]]
+    to_limit, to_singular = _to_limit(robot, arm, side), _to_singular(arm)
     return np.minimum(to_limit, 0.5) + 0.5 * np.minimum(to_singular, 0.4) - 0.25 * np.abs(q[:, names.TORSO])
 
 
@@ -195,11 +222,35 @@ def postures(
     The other arm keeps its joints of q. `torso` [rad] is a range, or one angle to keep. Collisions are not checked.
     """
     turned = np.full(starts, torso) if isinstance(torso, (int, float)) else rng.uniform(*torso, starts)
-    found, _ = geometry(robot, side).postures(target, turned, rng.uniform(-np.pi, np.pi, starts))
+    swivel = rng.uniform(-np.pi, np.pi, starts)
+    ended = geometry(robot, side).comfortable(target, turned, swivel, _wanted(robot, side), q)
+    if ended is not None:
+        return ended
+    found, _ = geometry(robot, side).postures(target, turned, swivel)
     found = found[_comfortable(robot, found[:, 1:], found[:, 0], side)]
     whole = np.tile(q, (len(found), 1))
     whole[:, names.COLUMNS[side]] = found
     return whole
+
+
+@lru_cache(maxsize=8)
+def _wanted(robot: Robot, side: str) -> Wanted:
+    """Return what `_comfortable` asks, for the library."""
+    columns = names.ARM[side]
+    limits = robot.lower[columns], robot.upper[columns]
+    return Wanted(*limits, END_MARGIN, TORSO_END, names.WRIST_POLYGON[side], int(columns[0]))
+
+
+def reachable(robot: Robot, side: str, target: Any, rng: np.random.Generator, *, starts: int = 200) -> bool:
+    """Whether the grip can be at `target` at all, within the limits of `solve`, for one of `starts` torsos and elbows.
+
+    Where a fiftieth of all torsos and elbows does, one in fifty is missed. Collisions are not checked.
+    """
+    columns = names.COLUMNS[side]
+    lower, upper = robot.lower[columns] + _STAY_INSIDE, robot.upper[columns] - _STAY_INSIDE
+    torso, swivel = rng.uniform(lower[0], upper[0], starts), rng.uniform(-np.pi, np.pi, starts)
+    found, _ = geometry(robot, side).postures(target, torso, swivel)
+    return bool(((found >= lower) & (found <= upper)).all(axis=1).any())
 
 
 def sample(
@@ -211,10 +262,10 @@ def sample(
     *,
     starts: int = 24,
     torso: tuple[float, float] | float = (-0.9, 0.9),
-    accept: Accept | None = None,
+    first: First | None = None,
     best: bool = False,
 ) -> Array | None:
-    """Return the first configuration of `postures` that `accept` agrees with, or None.
+    """Return the first configuration of `postures` that `first` accepts, or None.
 
     They are tried in order of travel time from q; if `best`, comfort counts as well.
     """
@@ -222,7 +273,6 @@ def sample(
     value = -_A_SECOND * travel(robot, side, q, found)
     if best:
         value += comfort(robot, found, side)
-    for k in np.argsort(-value, kind="stable"):
-        if accept is None or accept(found[k]):
-            return np.array(found[k])
-    return None
+    ordered = found[np.argsort(-value, kind="stable")]
+    chosen = first(ordered) if first is not None else 0
+    return np.array(ordered[chosen]) if chosen is not None and len(ordered) else None

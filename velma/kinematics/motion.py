@@ -19,7 +19,8 @@ from velma.kinematics.timing import JOINT_FRACTION, Trajectory, dense, timed
 from velma.kinematics.tree import grow
 from velma.names import Array
 
-Keep = Callable[[Array], bool]
+Keep = Callable[[Array], Array]
+"""Of postures (n, 15): whether each fulfils a condition (n,)."""
 
 ITERATIONS = 4000  # of a tree; half of those that succeed need 50, all under 3500 (task of benchmarks/kinematics.py)
 ATTEMPTS = 4  # trees; the quickest path is kept (trial runs)
@@ -63,19 +64,40 @@ class _Task:
         return q
 
     def accepts(self, q: Array) -> bool:
-        """Whether the posture is allowed; the condition comes first, since it is cheaper than a collision check."""
-        return (self.keep is None or self.keep(q)) and self.world.free(q)
+        """Whether a posture (15,) is allowed."""
+        return (self.keep is None or bool(self.keep(q[None])[0])) and self.world.free(q)
+
+    def accepts_all(self, postures: Array) -> bool:
+        """Whether all postures (n, 15) are allowed; none is looked at after one that is not."""
+        if self.keep is None:
+            return self.world.all_free(postures)
+        kept = self.keep(postures)
+        upto = len(kept) if kept.all() else int(kept.argmin())
+        return self.world.all_free(postures[:upto]) and upto == len(kept)
 
     def allowed(self, joints: Array) -> bool:
         """Whether torso + arm (8,) may be there."""
         return self.accepts(self.whole(joints))
 
-    def cost(self, path: Array) -> Array:
-        """Return seconds (n - 1,) that joints and tool need for each step of a path (n, 8), without accelerations."""
+    def all_allowed(self, path: Array) -> bool:
+        """Whether torso + arm may be at all places (n, 8), as `accepts_all` says."""
+        return self.accepts_all(self.wholes(path))
+
+    def wholes(self, path: Array) -> Array:
+        """Return the postures (n, 15) of torso + arm (n, 8)."""
         postures = np.tile(self.start, (len(path), 1))
         postures[:, self.columns] = path
-        moved = np.linalg.norm(np.diff(self.robot.track(postures, self.side), axis=0), axis=1) / self.tool_speed
-        turned = np.abs(np.diff(path, axis=0)) / (JOINT_FRACTION * self.robot.speed[self.columns])
+        return postures
+
+    def cost(self, path: Array) -> Array:
+        """Return seconds (n - 1,) that joints and tool need for each step of a path (n, 8), without accelerations."""
+        compiled, speed = self.robot.chain[self.side], JOINT_FRACTION * self.robot.speed[self.columns]
+        if compiled is not None:
+            return compiled.times(self.start, path, self.columns, self.tool_speed, speed)
+        moved = (
+            np.linalg.norm(np.diff(self.robot.track(self.wholes(path), self.side), axis=0), axis=1) / self.tool_speed
+        )
+        turned = np.abs(np.diff(path, axis=0)) / speed
         return np.asarray(np.maximum(moved, turned.max(axis=1)))
 
     def timed(self, path: Array) -> Trajectory:
@@ -85,7 +107,7 @@ class _Task:
     def free_in_time(self, trajectory: Trajectory) -> bool:
         """Whether all states of a motion are allowed, `CHECK_S` apart."""
         every = max(1, round(CHECK_S / trajectory.dt))
-        return clear(self.accepts, trajectory.q[::every])
+        return clear(self.accepts_all, trajectory.q[::every])
 
 
 def plan(
@@ -103,7 +125,7 @@ def plan(
 ) -> Motion | None:
     """Return a motion from `start` to `goal`, postures (15,) [rad], or None if no path was found.
 
-    Torso and the arm of `side` move, all else stays as at `start`; `keep(q)` holds on the whole path. The path timed
+    Torso and the arm of `side` move, all else stays as at `start`; `keep` holds on the whole path. The path timed
     with `tool_speed` [m/s] and the usual limits is free of collisions, except for its start if that is in contact: a
     straight line leads out of it. Each tree has `iterations`; of up to `attempts` trees the quickest path is returned.
     Equal arguments and worlds give equal paths. Raises MotionError for a goal beyond limits of joints, or farther
@@ -134,7 +156,7 @@ def _way(task: _Task, iterations: int, seed: int, attempts: int) -> tuple[Array,
     if not (task.accepts(first) and task.accepts(last)):
         return None
     straight = dense([first[columns], last[columns]], STEP)
-    if clear(task.allowed, straight[1:-1]):
+    if clear(task.all_allowed, straight[1:-1]):
         through = task.timed(straight)
         if task.free_in_time(through):
             return straight, through.duration
@@ -151,7 +173,7 @@ def _quickest(task: _Task, iterations: int, seed: int, attempts: int, straight: 
             task.world.margin = margin
         spared = task.world.margin
         for number, way in enumerate(_ways(task, iterations, seed, attempts)):
-            short = shortened(way, task.allowed, task.cost, np.random.default_rng([seed, number]))
+            short = shortened(way, task.all_allowed, task.cost, np.random.default_rng([seed, number]))
             task.world.margin = margin
             found = _in_time(task, short)
             task.world.margin = spared
@@ -171,7 +193,7 @@ def _quickest(task: _Task, iterations: int, seed: int, attempts: int, straight: 
 def _in_time(task: _Task, way: Array) -> tuple[Array, float] | None:
     """Return the path as round as is free when timed, with its duration [s]."""
     for path in rounder(way):
-        if not clear(task.allowed, path[1:-1]):
+        if not clear(task.all_allowed, path[1:-1]):
             continue
         trajectory = task.timed(path)
         if task.free_in_time(trajectory):

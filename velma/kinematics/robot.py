@@ -4,6 +4,7 @@ The 15 body joints in the order of `velma.names.BODY` are the configuration q; f
 frames are frames of *bodies*: Pinocchio 4.1 misplaces a site behind several welded bodies. Knows no scene.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,13 @@ class Robot:
             pin.forwardKinematics(model, data, q)
             places[k] = pin.updateFramePlacement(model, data, frame).translation
         return places
+
+    def upward(self, side: str, direction: Array) -> Callable[[Array], Array]:
+        """Return the function from postures (n, 15) to the upward parts (n,) of a direction (3,) fixed to a grip."""
+        compiled = self.chain[side]
+        if compiled is not None:
+            return compiled.upward(direction)
+        return lambda postures: np.array([self.grip(q, side).rotation[2] @ direction for q in postures])
 
     def jacobian(self, q: Array, side: str) -> Array:
         """Return J (6, 15): joint speeds [rad/s] to velocity [m/s] and rotation [rad/s] of the grip, world axes."""

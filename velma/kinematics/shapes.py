@@ -57,3 +57,17 @@ def solid(shape: Any) -> Any:
     if hasattr(shape, "radius"):
         return coal.Sphere(shape.radius)
     raise NoShape(shape)
+
+
+def nearer(one: Any, there: Any, other: Any, elsewhere: Any, margin: float) -> bool:
+    """Whether two of coal's shapes at their transforms are at most the margin [m] apart."""
+    request = coal.CollisionRequest()
+    request.security_margin = request.distance_upper_bound = margin
+    return bool(coal.collide(one, there, other, elsewhere, request, coal.CollisionResult()))
+
+
+def distance(one: Any, there: Any, other: Any, elsewhere: Any) -> float:
+    """Return the distance [m] of two of coal's shapes at their transforms, negative where they overlap."""
+    found = coal.DistanceResult()
+    coal.distance(one, there, other, elsewhere, coal.DistanceRequest(), found)
+    return float(found.min_distance)

@@ -5,13 +5,17 @@ arguments.
 """
 
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 
 import numpy as np
 
+from velma import names
 from velma.kinematics.timing import dense
 from velma.names import Array
 
-Allowed = Callable[[Array], bool]
+Allowed = Callable[
+    [Array], bool
+]  # of postures (n, m), in the order in which they are looked at: whether all are allowed
 Cost = Callable[[Array], Array]  # of postures (n, m): what each of the n - 1 steps costs
 
 STEP = 0.05  # rad between checked states
@@ -21,19 +25,22 @@ _ONE_JOINT = 0.5  # share of shortcuts that straighten a single joint, such as a
 _WINDOWS = (17, 9, 5)  # points of 0.05 rad averaged, widest first
 
 
-def halving(count: int) -> Iterator[int]:
-    """Yield 0 .. count - 1, the middle first, then the middles of the halves, so that a blocked path is found early."""
-    ranges = [(0, count)]
+@lru_cache(maxsize=512)
+def halving(count: int) -> names.Columns:
+    """Return 0 .. count - 1, the middle first, then those of the halves, so that a blocked path is found early."""
+    ranges: list[tuple[int, int]] = [(0, count)]
+    order: list[int] = []
     for low, high in ranges:
         if low < high:
             middle = (low + high) // 2
-            yield middle
+            order.append(middle)
             ranges += [(low, middle), (middle + 1, high)]
+    return np.array(order, dtype=np.intp)
 
 
 def clear(allowed: Allowed, states: Array) -> bool:
     """Whether all states (n, m) are allowed."""
-    return all(allowed(states[k]) for k in halving(len(states)))
+    return allowed(states[halving(len(states))])
 
 
 def shortened(path: Array, allowed: Allowed, cost: Cost, rng: np.random.Generator) -> Array:

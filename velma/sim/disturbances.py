@@ -53,6 +53,8 @@ class Kind(StrEnum):
     TIPPED = "tipped"
     ADDED = "added"
     MOVED = "moved"
+    PULLED = "pulled"
+    KNOCKED = "knocked"
 
 
 class Row(msgspec.Struct, frozen=True):
@@ -92,6 +94,8 @@ ROWS: dict[Of, dict[Kind, Row]] = {
         Kind.TIPPED: Row((0.0, 1.0, 0.0), "direction", 10.0),
         Kind.ADDED: Row((), "m, place", 10.0),
         Kind.MOVED: Row((0.0, 0.05, 0.0), "m", 0.5),
+        Kind.PULLED: Row((10.0, 0.0, 0.0), "N", 30.0),  # estimate: away from the robot, as one takes a cup from a hand
+        Kind.KNOCKED: Row((20.0, 0.0, 0.0), "N", 60.0),  # estimate: an elbow in passing
     },
 }
 """What there is. A size of three numbers is a vector in the world frame."""

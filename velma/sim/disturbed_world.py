@@ -4,6 +4,8 @@ and fingers that stick, hands without friction, heavy grains, furniture that is 
 Somebody's hand that pushes is a force near the thing's foot that follows a moving point, with a limit: what stands in
 the way stops it, and nothing is turned. One that tips is a torque, until the thing has fallen or time is over.
 What is taken away or brought is at its new place at once: nobody sees by whom. The content of a vessel goes with it.
+A person who takes a thing out of the robot's hand is a spring between the thing and a hand that is drawn away: the pull
+grows up to its size, and when nothing holds the thing against it any more, the person has it and carries it off.
 """
 
 import math
@@ -27,6 +29,13 @@ LOW_M = 0.01  # above its foot: higher up, the hand would topple a jar
 TIP_S = 1.0  # the longest tip; estimate
 FALLEN_DEG, ROLLED_DEG = 60.0, 100.0  # from there on a jar or box falls by itself; a bowl, past its rim
 OVER = 2.0  # times the torque that just tips a thing; estimate
+PULL_S = 0.6  # until a pull has its full size; estimate: a person takes a cup from a hand so
+TAKER, TAKER_DAMPED, TAKER_N = 300.0, 30.0, 30.0
+"""N/m, Ns/m, N: stiffness, damping and most force of a person's hand that takes a thing (estimates: a relaxed arm)."""
+TURNER, TURNER_DAMPED = 3.0, 0.1  # Nm/rad, Nms/rad of it; estimates: it turns a jar against no stiff hand
+WITH_IT_M, AWAY_M, AWAY_SPEED = 0.02, 0.4, 0.3
+"""m, m, m/s: a person whose thing gives way by so much has it, and carries it so far away, so fast (estimates)."""
+KNOCK_S = 0.12  # estimate: a blow of an arm that is not stopped
 MOVE_S = 1.0  # for furniture; estimate: what stands on it stays on it
 ASIDE = (-2.0, 2.0)  # m, on the floor behind the robot, where it neither looks nor reaches
 APART_M = 0.4  # between things there
@@ -99,6 +108,10 @@ class DisturbedWorld:
                 self._going[one.id] = self._push(one.on, size)
             case Kind.TIPPED:
                 self._going[one.id] = self._tip(one.on, size)
+            case Kind.PULLED:
+                self._going[one.id] = self._pull(one.on, size)
+            case Kind.KNOCKED:
+                self._going[one.id] = self._knock(one.on, size)
             case Kind.REMOVED:
                 back = self._data.body(one.on).xpos.copy()
                 self._carry(one.on, self._aside(one.on))
@@ -125,6 +138,46 @@ class DisturbedWorld:
                 yield
         finally:
             data.xfrc_applied[body] = 0.0
+
+    def _pull(self, name: str, force: Array) -> Going:
+        """Pull at a thing with a force (3,) [N] that grows, as long as that is ordered; carry off what gives way."""
+        body, data = self._model.body(name).id, self._data
+        begun, turn = data.xipos[body].copy(), data.xquat[body].copy()
+        way, cycle, has = force / max(1e-9, float(np.linalg.norm(force))), 0, False
+        try:
+            while (data.xipos[body] - begun) @ way < WITH_IT_M:
+                cycle += 1
+                self._draw(body, begun + min(1.0, cycle * PERIOD_S / PULL_S) * force / TAKER, turn)
+                yield
+            at, has = data.xipos[body].copy(), True
+            for step in range(round(AWAY_M / AWAY_SPEED / PERIOD_S)):
+                self._draw(body, at + AWAY_SPEED * PERIOD_S * step * way, turn)
+                yield
+        finally:
+            data.xfrc_applied[body] = 0.0
+            if has:
+                self._carry(name, self._aside(name))
+
+    def _draw(self, body: int, to: Array, turn: Array) -> None:
+        """Draw a thing to a point (3,) and an orientation (4,) as a spring does, which carries its weight, too."""
+        data, spin, off, angle = self._data, np.empty(6), np.empty(4), np.empty(3)
+        mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_BODY, body, spin, 0)
+        force = TAKER * (to - data.xipos[body]) - TAKER_DAMPED * spin[3:]
+        mujoco.mju_negQuat(off, data.xquat[body])
+        mujoco.mju_mulQuat(off, turn, off.copy())
+        mujoco.mju_quat2Vel(angle, off, 1.0)
+        data.xfrc_applied[body, :3] = force * min(1.0, TAKER_N / max(1e-9, float(np.linalg.norm(force))))
+        data.xfrc_applied[body, 3:] = TURNER * angle - TURNER_DAMPED * spin[:3]
+
+    def _knock(self, name: str, force: Array) -> Going:
+        """Knock against a thing with a force (3,) [N] that comes and goes as half a sine."""
+        body, cycles = self._model.body(name).id, round(KNOCK_S / PERIOD_S)
+        try:
+            for cycle in range(1, cycles):
+                self._data.xfrc_applied[body, :3] = force * math.sin(math.pi * cycle / cycles)
+                yield
+        finally:
+            self._data.xfrc_applied[body] = 0.0
 
     def _tip(self, name: str, towards: Array) -> Going:
         """Tip a thing over in a direction (3,), of which the horizontal part counts."""

@@ -47,15 +47,18 @@ class HeadCamera:
 
     def picture(self, qpos: Array) -> Pixels:
         """Return the picture of the state qpos (nq,) of the world: (height, width, 3), red green blue."""
-        data = self._data
-        data.qpos[:] = qpos
-        mujoco.mj_kinematics(self._model, data)
-        mujoco.mj_camlight(self._model, data)
+        self._place(qpos)
         return self._drawn(self._area, self._option, self._view)
 
-    def room(self) -> Pixels:
-        """Return the robot in the state of the last picture, from a place in the room: (ROOM_HEIGHT, ROOM_WIDTH, 3)."""
+    def room(self, qpos: Array) -> Pixels:
+        """Return the robot in the state qpos (nq,), from a place in the room: (ROOM_HEIGHT, ROOM_WIDTH, 3)."""
+        self._place(qpos)
         return self._drawn(mujoco.MjrRect(0, 0, ROOM_WIDTH, ROOM_HEIGHT), self._from_room, self._room)
+
+    def _place(self, qpos: Array) -> None:
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
 
     def _drawn(self, area: mujoco.MjrRect, option: mujoco.MjvOption, view: mujoco.MjvCamera) -> Pixels:
         every = mujoco.mjtCatBit.mjCAT_ALL

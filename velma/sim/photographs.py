@@ -32,16 +32,20 @@ class Photographs:
         """Return the picture (HEIGHT, WIDTH, 3) of the state qpos (nq,); `number`: which look it is, for its noise."""
         return self.both(qpos, number)[1]
 
-    def both(self, qpos: Array, number: int) -> tuple[Pixels, Pixels]:
-        """Return the picture of a perfect camera, and the one that `take` returns."""
+    def both(self, qpos: Array, number: int, spoiled: SpoiledPictures | None = None) -> tuple[Pixels, Pixels]:
+        """Return the picture of a perfect camera, and the one that `take` returns, or that of another camera beside it.
+
+        `spoiled`: what goes on in the pictures of that one.
+        """
+        spoiled = spoiled or self._spoiled
         self._orders.look()
         going_on = self._orders.going_on
         self._move(going_on)
         noise, clean = self._noise, self._camera.picture(qpos)
         rng = np.random.default_rng([noise.seed, _PICTURE, number])
         gain = 1.0 + noise.exposure * rng.uniform(-1.0, 1.0)
-        lit = self._spoiled.light(clean, going_on)
-        return clean, self._spoiled.taken(disturbed(lit, noise.pixel, noise.blur, gain, rng), going_on)
+        lit = spoiled.light(clean, going_on)
+        return clean, spoiled.taken(disturbed(lit, noise.pixel, noise.blur, gain, rng), going_on)
 
     def _move(self, going_on: Sequence[Disturbance]) -> None:
         """Put furniture where it was moved to: its place is none of the coordinates."""
@@ -50,9 +54,9 @@ class Photographs:
             if one.of is Of.THING and one.kind is Kind.MOVED:
                 self._model.body(one.on).pos[:] += one.size
 
-    def room(self) -> Pixels:
-        """Return the robot in the state of the last picture, from a place in the room (velma.sim.head_camera)."""
-        return self._camera.room()
+    def room(self, qpos: Array) -> Pixels:
+        """Return the robot in the state qpos (nq,), from a place in the room (velma.sim.head_camera)."""
+        return self._camera.room(qpos)
 
     def close(self) -> None:
         """Free the camera."""

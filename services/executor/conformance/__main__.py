@@ -35,6 +35,7 @@ def main(
         return
     try:
         make = maker(backend, scene.load())
+        getattr(make(), "close", lambda: None)()  # what is no back-end is told once, and not by every check
     except BackendError as error:
         raise typer.BadParameter(str(error)) from None
     subject = Subject(make, paced=paced, gentle=gentle, push=push)

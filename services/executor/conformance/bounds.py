@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.skills.loop_messages import motion
 from services.executor.conformance.judging import Measured
 from services.executor.conformance.readings import outside
 from services.executor.conformance.subject import Subject, bench, dynamics
-from services.executor.loop.program import motion
 from velma.names import BODY, HEAD_SPEED, TORQUE
 from velma.sim.backend import Backend, Command, State
 

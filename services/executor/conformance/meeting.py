@@ -6,12 +6,12 @@ import time
 
 import numpy as np
 
+from companion.skills.loop_messages import Phase
 from services.executor.conformance.judging import Measured
 from services.executor.conformance.readings import copied
 from services.executor.conformance.stopping import rising, turning
 from services.executor.conformance.subject import Subject
 from services.executor.loop.link import AgentLink
-from services.executor.loop.program import Phase
 
 RECORDS = 4000
 

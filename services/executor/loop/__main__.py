@@ -6,6 +6,7 @@ why it ended.
 
 import signal
 import sys
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -18,19 +19,22 @@ from services.executor.loop.backends import SHORT, maker
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink
 from services.executor.loop.memory import MEMORY, Keeper, Restorable
-from services.executor.loop.process import LoopProcess, Speed
+from services.executor.loop.process import SETTLE_S, LoopProcess, Speed
+from services.executor.loop.rehearsal import rehearse
 from services.executor.loop.stillness import Restable, Stillness
 from services.executor.loop.timing import Pacer, still_memory, take_priority
-from velma.errors import VelmaError
+from velma.errors import NoRobotError, VelmaError
 from velma.model import scene
 from velma.sim.backend import Backend
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 
 app = typer.Typer(add_completion=False, help=__doc__)
+FAILED = 1
+"""Exit code after which a supervisor tries again."""
 
 
-def build(slots: Path, backend: Backend, *, speed: Speed, realtime: bool) -> LoopProcess:
+def build(slots: Path, backend: Backend, *, speed: Speed, realtime: bool, settle_s: float = SETTLE_S) -> LoopProcess:
     """Return the loop of a back-end, settled and published: a reader of `slots` finds a state."""
     # Only a simulation knows the true state of the world.
     truth = TruthReader(backend) if isinstance(backend, MujocoBackend) else None
@@ -44,8 +48,9 @@ def build(slots: Path, backend: Backend, *, speed: Speed, realtime: bool) -> Loo
         if keeper is not None and keeper.restored:
             backend.resume()
     return LoopProcess(
-        core, LoopLink(slots), speed=speed, truth=truth, pacer=pacer, keeper=keeper, still=still, stirred=stirred
-    )
+        core, LoopLink(slots), speed=speed, truth=truth, pacer=pacer, keeper=keeper, still=still, stirred=stirred,
+        settle_s=settle_s,
+    )  # fmt: skip
 
 
 @app.command()
@@ -73,9 +78,11 @@ def main(
         robot = maker(backend, scene.vary(world, seed))()
     except VelmaError as error:
         typer.echo(f"loop: {error}", err=True)
-        raise typer.Exit(USAGE_ERROR) from None
+        raise typer.Exit(FAILED if isinstance(error, NoRobotError) else USAGE_ERROR) from None
     # Before the priority, which their threads would inherit: the pulse, and the drivers of a back-end.
     turns = Turns(Pulse(slots.parent, "loop"))
+    if speed is Speed.REAL:
+        rehearse(slots.parent, robot, partial(build, speed=Speed.MAX, realtime=False, settle_s=0.0))
     # Priority only where the loop rests between cycles: a process that never rests would starve the agents.
     refused = take_priority() if speed is Speed.REAL else ""
     process = build(slots, robot, speed=speed, realtime=speed is Speed.REAL and not refused)

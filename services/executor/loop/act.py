@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.languages.facts import Facts, Kind, fact
-from services.executor.loop.program import HandReport, Motion, Phase, Report, Until
+from companion.skills.loop_messages import HandReport, Motion, Phase, Report, Until
 from services.executor.loop.track import Track
 from velma.names import SIDES
 
@@ -44,6 +44,11 @@ class Act:
         if self.track is not None:
             self.track.pause() if paused else self.track.resume()
 
+    @property
+    def given_way(self) -> bool:
+        """Whether it ended because a hand is pulled: that one is beside its set-point."""
+        return self._ended_by is Until.PULL
+
     def look_due(self, now_s: float) -> bool:
         """Whether a look is due. A cancelled motion needs none."""
         return now_s >= self._look_s - 1e-9 and not self.cancelled
@@ -58,8 +63,13 @@ class Act:
             self.track.brake()
         return verdict if self._at_rest else None
 
-    def judge(self, now_s: float, error: Array, *, hands_done: bool, head_done: bool) -> Verdict | None:
-        """Return how the motion ends in this cycle and why, or None. `error` (12,): of both hands."""
+    def judge(
+        self, now_s: float, error: Array, *, hands_done: bool, head_done: bool, pulled: bool = False
+    ) -> Verdict | None:
+        """Return how the motion ends in this cycle and why, or None. `error` (12,): of both hands.
+
+        `pulled`: somebody pulls at what a hand holds out.
+        """
         beside = self.beside(error)
         if beside is not None:
             return beside
@@ -67,6 +77,9 @@ class Act:
             return (Phase.CANCELLED, (fact(Kind.CANCELLED),)) if self._at_rest else None
         if not (hands_done and head_done) and self._at_rest and now_s - self._began_s > HANDS_S:
             return Phase.FAILED, (fact(Kind.NOT_ARRIVED, "head" if hands_done else "hand", HANDS_S),)
+        if pulled and self._at_rest:
+            self._ended_by = Until.PULL
+            return Phase.DONE, ()
         if self._ended_by is None:
             self._ended_by = self._reached(error, hands_done)
             return None

@@ -10,9 +10,9 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from velma.errors import BackendError
+from velma.errors import BackendError, NoRobotError
 from velma.model.scene import Scene
-from velma.sim.backend import Backend
+from velma.sim.backend import Backend, State
 
 SHORT = {
     "mujoco": "velma.sim.mujoco_backend:MujocoBackend",
@@ -22,7 +22,9 @@ PARTS = ("period_s", "observe", "step", "configuration", "work_J")
 
 
 def maker(name: str, scene: Scene) -> Callable[[], Backend]:
-    """Return the function that makes the back-end of this name. BackendError where there is no such function."""
+    """Return the function that makes the back-end of this name. BackendError where there is no such function, or where
+    it makes none.
+    """
     package, _, function = SHORT.get(name, name).partition(":")
     if str(Path.cwd()) not in sys.path:
         sys.path.append(str(Path.cwd()))
@@ -33,7 +35,7 @@ def maker(name: str, scene: Scene) -> Callable[[], Backend]:
     if not callable(found):
         raise BackendError(name, f"{function} is of type {type(found).__name__}", *_wanted())
     arguments = (scene,) if _parameters(found) else ()
-    return lambda: _checked(name, found(*arguments))
+    return lambda: _checked(name, lambda: found(*arguments))
 
 
 def _wanted() -> tuple[str, str]:
@@ -52,9 +54,18 @@ def _parameters(found: Callable[..., Backend]) -> bool:
         return False
 
 
-def _checked(name: str, made: Backend) -> Backend:
+def _checked(name: str, make: Callable[[], Backend]) -> Backend:
+    right = "a velma.sim.backend.Backend"
+    try:
+        made = make()
+    except Exception as error:  # of anybody's code: there is no robot
+        told = f"it raised {type(error).__name__}: {error}"
+        raise NoRobotError(name, told, right, "see whether the robot answers, and what its function does") from error
     missing = [part for part in PARTS if not hasattr(made, part)]
     if missing:
         kind = f"it made a {type(made).__name__} without {', '.join(missing)}"
-        raise BackendError(name, kind, "a velma.sim.backend.Backend", "add what is missing (docs/back-ends.md)")
+        raise BackendError(name, kind, right, "add what is missing (docs/back-ends.md)")
+    if not isinstance(state := made.observe(), State):
+        told, state_there = f"observe() returned a {type(state).__name__}", "a velma.sim.backend.State"
+        raise BackendError(name, told, state_there, "fill the one of at_rest() (docs/back-ends.md)")
     return made

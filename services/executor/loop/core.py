@@ -14,11 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.languages.facts import Facts, Kind, fact
-from services.executor.loop.act import Act
-from services.executor.loop.fingers import Fingers
-from services.executor.loop.grip_watch import GripWatch
-from services.executor.loop.payloads import Payloads
-from services.executor.loop.program import (
+from companion.skills.loop_messages import (
     FAULT,
     HandReport,
     HeadGoal,
@@ -33,6 +29,10 @@ from services.executor.loop.program import (
     followed,
     refusal,
 )
+from services.executor.loop.act import Act
+from services.executor.loop.fingers import Fingers
+from services.executor.loop.grip_watch import GripWatch
+from services.executor.loop.payloads import Payloads
 from velma import names, ranges
 from velma.control import cartesian, damping, head, joint, limits
 from velma.control.cartesian import CartesianGains, CartesianImpedance
@@ -356,6 +356,7 @@ class LoopCore:
             act.track.advance(dt)
             self.setpoint, slip = act.track.q, state.v - act.track.v
         error = self._error(terms, *self.dynamics.grips(self.setpoint))
+        self.grips.yielded(error)
         if act is not None:
             self._judge(act, state, error)
         return self.impedance.torque(terms, error, slip, self.setpoint - state.q, weight)
@@ -367,8 +368,10 @@ class LoopCore:
         if self.grips.alarmed:
             verdict = act.beside(error) or act.interrupt(self.grips.verdict)
         else:
-            verdict = act.judge(state.time, error, hands_done=self.fingers.at_rest, head_done=head_done)
-            if verdict is not None and verdict[0] is Phase.DONE and (off := self._off(act.motion, state, error)):
+            hands_done, pulled = self.fingers.at_rest, self.grips.pulled
+            verdict = act.judge(state.time, error, hands_done=hands_done, head_done=head_done, pulled=pulled)
+            done = verdict is not None and verdict[0] is Phase.DONE and not act.given_way
+            if done and (off := self._off(act.motion, state, error)):
                 verdict = act.wait(state.time, off)
         if act.track is not followed:  # so that no force remains: the set-point is where the body is
             self.setpoint = state.q.copy()

@@ -5,7 +5,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from services.executor.loop.program import Close, HandCommand, HandReport, Move, Open
+from companion.skills.loop_messages import Close, HandCommand, HandReport, Move, Open
 from velma.control import hand
 from velma.control.limits import within
 from velma.errors import MotionError

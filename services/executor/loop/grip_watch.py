@@ -1,7 +1,8 @@
 """Both hands watched by the sensors in the wrists: is what a hand has taken still in it? The law is velma.control.grip.
 
 A hand is tared as a motion says, while it is empty and free, and watched from the payload that it is told to carry
-until it opens. On its way down to put something down it is not watched: the support takes the load. With a sensor that
+until it opens. On its way down to put something down it is not watched: the support takes the load. Nor is it while it
+holds something out to a person, who takes the load: then it feels for a pull (velma.control.pull). With a sensor that
 is not well a hand feels nothing, and says why.
 """
 
@@ -9,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.languages.facts import Kind, fact
+from companion.skills.loop_messages import GripReport, Motion, Open, Payload, Phase, Until
 from services.executor.loop.act import Verdict
-from services.executor.loop.program import GripReport, Motion, Open, Payload, Phase, Until
-from velma.control import grip
+from velma.control import grip, pull
+from velma.control.cartesian import GRAVITY
 from velma.control.dynamics import Terms
 from velma.control.grip import Grip, Health, Watch
+from velma.control.pull import Pull
 from velma.names import SIDES
 from velma.sim.backend import State
 
@@ -28,6 +31,7 @@ class GripWatch:
 
     def __init__(self, period_s: float) -> None:
         self.wrists = grip.Wrists(period_s)
+        self._period_s = period_s
         self._share = 1.0 - np.exp(-period_s / grip.LOAD_S)
         self._sensed, self._felt = False, np.zeros((2, 2, 3))  # whether there are sensors; force, gravity of each hand
         self._error = np.zeros((2, 3))  # N, of each sensor at its empty hand
@@ -35,6 +39,9 @@ class GripWatch:
         self._load = np.zeros(2)
         self._down = [False, False]
         self._watch = [Watch(), Watch()]
+        self._wanted_n, self._wanted_s = [0.0, 0.0], [0.0, 0.0]  # of a pull; 0: nothing is held out
+        self._pull, self._pull_n = [Pull(), Pull()], [0.0, 0.0]
+        self._beside = np.zeros((2, 3))  # m, of each hand from its set-point, world axes
         self._health, self._good = (Health(), Health()), np.zeros((2, 6))
 
     def begin(self, asked: Motion) -> None:
@@ -46,7 +53,10 @@ class GripWatch:
                 payload = Payload()
             if payload is not None:
                 self._expect(row, payload)
-            self._down[row] = asked.until is Until.CONTACT and asked.contact_side == SIDES[row]
+            out = asked.until is Until.PULL and asked.pull_side == SIDES[row]
+            self._wanted_n[row], self._wanted_s[row] = (asked.pull_n, asked.pull_s) if out else (0.0, 0.0)
+            self._pull[row] = Pull()
+            self._down[row] = out or (asked.until is Until.CONTACT and asked.contact_side == SIDES[row])
             if self._down[row] or self._watch[row].grip is Grip.SLIPPED:
                 self._watch[row] = Watch()
 
@@ -67,11 +77,39 @@ class GripWatch:
         if not self.wrists.settled:
             return
         for row, (low, high) in enumerate(zip(self._low.tolist(), self._high.tolist(), strict=True)):
+            if self._wanted_n[row]:
+                self._feel_pull(row, state.wrist[row], terms, min(max(masses[row], low), high))
             if self._health[row].wrong:
                 self._watch[row] = Watch()
             elif high and not self._down[row]:
                 rest = grip.residual(forces[row], gravities[row], masses[row], low, high)
                 self._watch[row] = grip.watched(self._watch[row], rest, masses[row], low)
+
+    def _feel_pull(self, row: int, reading: Array, terms: Terms, kg: float) -> None:
+        rotation, (x, y, _) = terms.rotation[row], terms.position[row]
+        away = np.array([x, y, 0.0]) / max(1e-9, float(np.hypot(x, y)))
+        out, (force, gravity) = rotation.T @ away, self._felt[row]
+        raw = reading[:3] * grip.SENSOR_TO_GRIP[row] - self._error[row]
+        self._pull_n[row] = smooth = pull.size(force - self._error[row], gravity, kg, out)
+        self._pull[row] = pull.pulled(
+            self._pull[row], reading.tolist(), smooth, pull.size(raw, rotation[2] * GRAVITY, kg, out),
+            float(self._beside[row] @ away), self._wanted_n[row],
+        )  # fmt: skip
+        if self._health[row].wrong:
+            self._pull[row] = Pull()
+
+    def yielded(self, error: Array) -> None:
+        """Take how far (12,) the set-points of both hands are from them."""
+        if any(self._wanted_n):
+            self._beside[:] = -error.reshape(2, 6)[:, :3]
+
+    @property
+    def pulled(self) -> bool:
+        """Whether somebody pulls at what a hand holds out, as the motion waits for."""
+        return self._pulled(0) or self._pulled(1)
+
+    def _pulled(self, row: int) -> bool:
+        return bool(self._wanted_n[row]) and self._pull[row].steady * self._period_s >= self._wanted_s[row] - 1e-9
 
     def _well(self, wrist: Array, terms: Terms) -> Array:
         """Return the readings (2, 6); of a sensor that reads what cannot be, the last that could."""
@@ -85,6 +123,7 @@ class GripWatch:
     def skip(self) -> None:
         """A cycle without readings."""
         self.wrists.restart()
+        self._pull[:] = Pull(), Pull()
 
     @property
     def alarmed(self) -> bool:
@@ -107,4 +146,4 @@ class GripWatch:
         """Return what is felt in a hand."""
         wrong = self._health[row].wrong
         felt = "" if wrong or not (self._sensed and self._high[row]) else str(self._watch[row].grip)
-        return GripReport(felt, float(self._load[row]), wrong)
+        return GripReport(felt, float(self._load[row]), wrong, self._pull_n[row] if self._pulled(row) else 0.0)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED
-from services.executor.loop.program import Cancel, LookAgain, Mode, Motion, Refusal, Release, Report
+from companion.skills.loop_messages import Cancel, LookAgain, Mode, Motion, Refusal, Release, Report
+from companion.telemetry import PageFaults
 from services.executor.loop.slots import Counters, LoopFile, packed
 from velma.sim.backend import State
 
@@ -86,6 +87,7 @@ class Timing(msgspec.Struct, frozen=True):
     compute_us: dict[str, float] = {}
     realtime: bool = False
     rested: int = 0  # periods of a simulated world that stands still, which were not computed
+    page_faults: PageFaults = PageFaults()
 
 
 _STATE = msgspec.msgpack.Decoder(LoopState).decode

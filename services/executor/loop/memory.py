@@ -20,21 +20,24 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.skills.loop_messages import Close, Mode, Motion, Report, Until
 from services.executor.loop.act import Act
 from services.executor.loop.core import LoopCore
 from services.executor.loop.fingers import Activity
-from services.executor.loop.program import Close, Mode, Motion, Report, Until
 from services.executor.loop.slots import Slot, begun
 from velma.control.grip import Watch
+from velma.control.pull import Pull
 
 Array = NDArray[np.float64]
 
 MEMORY = "loop.memory"
 """Name of the file, beside the slots."""
-MAGIC = b"VELMAWM6"
+MAGIC = b"VELMAWM7"
 _HEAD = struct.Struct("<8s32s16s")  # magic, fingerprint of the world, its epoch
 _PLACES = {"motion": (64, 4 << 20), "even": ((4 << 20) + 64, 5 << 20), "odd": ((5 << 20) + 64, 6 << 20)}
 """Start and end of the slots [bytes]. A world of 60 grains, the most, has 20 kB where they spin."""
+_TOUCHED = 1 << 20
+"""First bytes of the file, a motion of 80 s, that are in memory from the start: else they are read as one begins."""
 
 
 @runtime_checkable
@@ -137,6 +140,11 @@ class _Grips(_Saved, frozen=True, array_like=True):
     load: bytes
     down: list[bool]
     watch: list[Watch]
+    wanted_n: list[float]
+    wanted_s: list[float]
+    pull: list[Pull]
+    pull_n: list[float]
+    beside: bytes
 
 
 class _Impedance(_Saved, frozen=True, array_like=True):
@@ -228,6 +236,8 @@ class Keeper:
         self._core, self._backend = core, backend
         found = _opened(path, backend.fingerprint)
         self._file, self.epoch = found or _begun(path, backend.fingerprint)
+        for at in range(0, _TOUCHED, mmap.PAGESIZE):
+            self._file[at] = self._file[at]
         view = memoryview(self._file)
         self._slots = {name: Slot(view[start:end]) for name, (start, end) in _PLACES.items()}
         self._running: Act | None = None

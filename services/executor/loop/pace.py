@@ -11,9 +11,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from companion.skills.loop_messages import KNOT_S, motion
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import AgentLink, Timing
-from services.executor.loop.program import KNOT_S, motion
 from services.executor.loop.timing import Pacer, still_memory, take_priority
 from velma.model import scene
 from velma.sim.mujoco_backend import MujocoBackend

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.executor.loop.program import Payload
+from companion.skills.loop_messages import Payload
 from velma.errors import MotionError
 from velma.ranges import MOST_KG, MOST_LEVER_M
 

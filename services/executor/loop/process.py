@@ -1,7 +1,7 @@
 """The loop with its clock and its slots. `__main__` calls `turn` for ever; tests call it step by step.
 
 `--speed 1`: a cycle every 2 ms of wall time. A simulated world that stands still is not computed until something is
-asked of the robot: every 20 ms its time passes, and it is shown every 0.1 s.
+asked of the robot: every 50 ms its time passes, and it is shown every 0.1 s.
 `--speed max`: simulated time goes on only while something happens, as fast as possible; between acts it stands still.
 
 If a motion is watched, the loop says when a look is due. In real time the motion goes on meanwhile, and a slow machine
@@ -19,10 +19,10 @@ from enum import StrEnum
 import msgspec
 
 from companion.languages.facts import Kind, fact
+from companion.skills.loop_messages import Cancel, LookAgain, Mode, Motion, Phase, Refusal, Release
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink, LoopState, Told
 from services.executor.loop.memory import Keeper
-from services.executor.loop.program import Cancel, LookAgain, Mode, Motion, Phase, Refusal, Release
 from services.executor.loop.stillness import Stillness
 from services.executor.loop.timing import Pacer
 from velma.sim.truth import TruthReader
@@ -31,8 +31,7 @@ LATE_TURNS = 50  # turns without a heartbeat, 0.1 s: ten beats of the agent (ser
 GONE_TURNS = 2500  # 5 s; estimate: a killed agent is back after 3.3 s (measured), and finds its motion at rest
 SETTLE_S = 0.4  # for things to come to rest on their shelves before anybody looks
 SHOW_EVERY, TRUTH_EVERY, TIMING_EVERY = 5, 50, 500  # cycles: 10 ms, 0.1 s, 1 s
-LOOK_EVERY, SHOW_STILL_EVERY = 10, 50  # cycles of a still world between two looks for a command, and two states shown;
-# estimates: with a look every 10 ms the loop took 2.7 % of a core, with one every 20 ms 2.0 (measured 2026-11-27)
+LOOK_EVERY, SHOW_STILL_EVERY = 25, 50  # cycles of a still world between two looks for a command, and two states shown
 UNREST_S = 2.0  # simulated, until what somebody pushed or tipped rests; at speed max nothing else moves it; estimate
 IDLE_S = 0.002  # pause between two looks while time stands still
 
@@ -64,6 +63,7 @@ class LoopProcess:
         keeper: Keeper | None = None,
         still: Stillness | None = None,
         stirred: Callable[[], bool] | None = None,
+        settle_s: float = SETTLE_S,
     ) -> None:
         self.core, self._link, self._speed, self._truth, self._pacer = core, link, speed, truth, pacer
         self._keeper, self._still = keeper, still
@@ -74,7 +74,7 @@ class LoopProcess:
             core.cancel()
             link.held = core.stopped  # a release while no loop ran is heard
         else:
-            core.hold(SETTLE_S)
+            core.hold(settle_s)
         self._publish()
 
     def turn(self) -> None:
@@ -104,9 +104,10 @@ class LoopProcess:
                 self._still.restart()
 
     def _cycle(self) -> None:
+        moving = self.core.act is not None
         self.core.cycle()
         self._keep()
-        self._pacer.done()
+        self._pacer.done(moving)
         if self._still is not None:
             self._still.computed()
         self._show()

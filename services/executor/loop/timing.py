@@ -6,14 +6,16 @@ Lateness is counted in a fixed number of bins, so that memory does not grow whil
 import ctypes
 import gc
 import os
+import resource
 import time
 
 import numpy as np
 
+from companion.telemetry import PageFaults
 from services.executor.loop.link import Timing
 
 FIFO_PRIORITY = 80  # below the kernel's own threads (99), above everything normal
-MCL_CURRENT_AND_FUTURE = 1 | 2  # mlockall(2)
+MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # mlockall(2)
 
 BIN_US, BINS = 5, 8000  # up to 40 ms; anything later is in the last bin, the maximum is kept separately
 MOST_BEHIND = 10  # periods that are caught up by running faster; more are skipped and counted
@@ -44,6 +46,27 @@ class Histogram:
         return out
 
 
+class Paging:
+    """Counts page faults of the calling thread during motions."""
+
+    def __init__(self) -> None:
+        self.told = PageFaults()
+        self._before = _page_faults()
+
+    def count(self, moving: bool, missed: bool) -> None:
+        """Note the end of a cycle: those since the last one count if a motion is under way."""
+        before, self._before = self._before, _page_faults()
+        if moving and self._before != before:
+            minor, major = (now - then for now, then in zip(self._before, before, strict=True))
+            told = self.told
+            self.told = PageFaults(told.minor + minor, told.major + major, told.late + (missed and major > 0))
+
+
+def _page_faults() -> tuple[int, int]:
+    used = resource.getrusage(resource.RUSAGE_THREAD)
+    return used.ru_minflt, used.ru_majflt
+
+
 class Pacer:
     """Keeps real time: a cycle starts a period after the one before, or after as many as were rested."""
 
@@ -52,6 +75,7 @@ class Pacer:
         self._late, self._compute = Histogram(), Histogram()
         self._cycles, self._missed, self._skipped, self._rested, self._realtime = 0, 0, 0, 0, realtime
         self._began = 0.0
+        self._paging = Paging()
 
     def wait(self) -> None:
         """Sleep until the next period begins; after that, return at once."""
@@ -72,11 +96,13 @@ class Pacer:
         """Start a cycle at once, without a deadline. Its computing time is counted; longer than a period is a miss."""
         self._began = self._next = time.monotonic()
 
-    def done(self) -> None:
-        """Note that the command of this cycle was sent."""
+    def done(self, moving: bool = True) -> None:
+        """Note that the command of this cycle was sent; `moving`: a motion is under way."""
         now = time.monotonic()
+        missed = now > self._next + self._period
         self._cycles += 1
-        self._missed += now > self._next + self._period
+        self._missed += missed
+        self._paging.count(moving, missed)
         self._compute.add(1e6 * (now - self._began))
 
     def rest(self, periods: int) -> None:
@@ -93,6 +119,7 @@ class Pacer:
             lateness_us=self._late.figures(),
             compute_us=self._compute.figures(),
             realtime=self._realtime,
+            page_faults=self._paging.told,
         )
 
 
@@ -103,7 +130,7 @@ def take_priority() -> str:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
     except OSError as error:
         refused.append(f"SCHED_FIFO ({error.strerror})")
-    if ctypes.CDLL(None, use_errno=True).mlockall(MCL_CURRENT_AND_FUTURE) != 0:
+    if ctypes.CDLL(None, use_errno=True).mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0:
         refused.append(f"locked memory ({os.strerror(ctypes.get_errno())})")
     if not refused:
         return ""

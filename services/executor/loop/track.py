@@ -7,7 +7,7 @@ set-point before, so that set-points never jump.
 import numpy as np
 from numpy.typing import NDArray
 
-from services.executor.loop.program import KNOT_S
+from companion.skills.loop_messages import KNOT_S
 from velma.errors import MotionError
 from velma.names import BODY
 

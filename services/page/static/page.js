@@ -62,6 +62,7 @@ function show(view) {
   const before = shown;
   shown = view;
   set("now", view.now);
+  set("please", view.please);
   set("step", view.step);
   set("next", view.next);
   set("why", view.active ? view.active.why : "");
@@ -76,6 +77,8 @@ function show(view) {
   document.body.classList.toggle("is-active", Boolean(view.active) && !view.held);
   document.body.classList.toggle("is-away", !view.hi);
   if (before.told && view.told.n > before.told.n) speak(view.told.text);
+  if (before.active && !view.active) set("answer", view.told.text);
+  if (view.please && view.please !== before.please) speak(view.please);
   if (before.told) describe();
 }
 

@@ -10,7 +10,7 @@ from typing import Protocol
 import msgspec
 
 KIND = "control"
-"""The house key on which orders travel: from its owner, the operator, to the agent that is its peer."""
+"""The signal on which orders travel: from its owner, the operator, to the agent that is its peer."""
 LEVELS = ("debug", "info", "warning", "error")
 Value = bool | int | float | str
 

@@ -48,6 +48,7 @@ class Diary:
 
     def __init__(self, log: Log, steps: StepLog, wiring: Wiring) -> None:
         self._log, self._steps, self._wiring = log, steps, wiring
+        self._without_log = frozenset(link.peer for link in wiring.links if not link.awaited)
         self._unwritten: list[_Done] = []
         self._noted = self._heard = self._said = 0
 
@@ -92,7 +93,17 @@ class Diary:
         if lines:
             self._log.write_all(lines)
         self._steps.write(
-            noted(one.incarnation, one.step, one.at, one.event, one.effects, one.received) for one in done
+            noted(
+                one.incarnation,
+                one.step,
+                one.at,
+                one.event,
+                one.effects,
+                one.received,
+                one.sizes,
+                self._without_log,
+            )
+            for one in done
         )
 
     def _lines(self, one: _Done) -> Iterator[tuple[float, str, str, dict[str, Any]]]:

@@ -153,7 +153,10 @@ class Shell:
         )
         if session is None:
             return
-        self._wire = ZenohWire(session, self._core.wiring, self._state.incarnation, self._floor, self._state.journal)
+        state = self._state
+        self._wire = ZenohWire(
+            session, self._core.wiring, state.incarnation, self._floor, state.journal, self._steps.path
+        )
         self._wire.knows(self._state.journals)
         self._peers.router(True, clock.now())
         if self._maker is not None:

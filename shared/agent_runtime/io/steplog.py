@@ -1,17 +1,19 @@
-"""The unsynced log of steps in the run folder: what came in, when, and a hash of what went out.
+"""The unsynced log of steps in the run folder: what came in, when, what went out to whom, and a hash of it.
 
-It replays an agent to the same bytes: each life begins with the journal record it started from. Losing its tail costs
-nothing but that proof, so it is never synced. A line is <length u32><msgpack array>, and behind it the content of the
-communicate that came, where that is much; a torn last line is ignored.
+It replays an agent to the same bytes: each life begins with the journal record it started from. The logs of all agents
+are the record of a run: a communicate is in the log of its receiver, and its sender's log has all of it but the
+content. The log is never synced: a kill -9 takes at most the lines of the last milliseconds. A line is
+<length u32><msgpack array>, and behind it the content of the communicate that came, where that is much; a torn last
+line is ignored.
 """
 
 import hashlib
 import struct
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import IO, Annotated, Any
 
 import msgspec
 
@@ -21,7 +23,7 @@ from agent_runtime.core.errors import StepLogError
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
 from agent_runtime.io.full_disk import worded
-from fipa_codec.communicate import UNREADABLE, Communicate
+from fipa_codec.communicate import UNREADABLE, Communicate, encode
 
 HEAD = struct.Struct("<I")
 BULK = struct.Struct("<II")
@@ -35,13 +37,25 @@ NOTHING = msgspec.Raw()
 """The end mark of a line whose input is whole."""
 
 
+class Said(msgspec.Struct, frozen=True, array_like=True):
+    """A communicate that a step said: without its content, unless its receiver keeps no log.
+
+    `size`: of the whole communicate [bytes]; `check`: CRC-32 of the content, 0 without one.
+    """
+
+    communicate: Communicate
+    size: int
+    check: int = 0
+
+
 class Step(msgspec.Struct, frozen=True, array_like=True):
     """`kind`: the event's class, or "boot" with the record a life starts from as input. `output`: 8 bytes of hash.
 
     `deed`: what was done, in the words of the design; None where no event reached the behaviour. `apart`: bytes of the
     content that stand behind the line instead of in `input`; 0 in what `read` gives. `took`: sender and id of the
     communicate that the behaviour saw, which may have come in an earlier step; "" for none, and in logs of older
-    versions. `parents`: as in Effects. What a step said has its time as `sent`.
+    versions. `parents`: as in Effects. `said`: what the step said, with its time as `sent`; None in logs of older
+    versions.
     """
 
     incarnation: int
@@ -54,6 +68,7 @@ class Step(msgspec.Struct, frozen=True, array_like=True):
     apart: Annotated[int, msgspec.Meta(ge=0)] = 0
     took: str = ""
     parents: tuple[tuple[str, str], ...] = ()
+    said: tuple[Said, ...] | None = None
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=repr)
@@ -74,11 +89,19 @@ def fingerprint(effects: Effects) -> bytes:
 
 
 def noted(
-    incarnation: int, step: int, at: float, event: events.AnyEvent, effects: Effects, seen: Communicate | None = None
+    incarnation: int,
+    step: int,
+    at: float,
+    event: events.AnyEvent,
+    effects: Effects,
+    seen: Communicate | None = None,
+    sizes: Sequence[int] | None = None,
+    without_log: Container[str] = (),
 ) -> tuple[Step, msgspec.Raw]:
     """One step of the core as it is written, and the content that stands behind it.
 
-    `seen`: the communicate that the behaviour saw.
+    `seen`: the communicate that the behaviour saw. `sizes`: bytes of each communicate that was sent. `without_log`:
+    receivers that keep no log.
     """
     content, took = NOTHING, "" if seen is None else f"{seen.sender} {seen.id}"
     if isinstance(event, events.Arrived):
@@ -86,7 +109,23 @@ def noted(
         event = msgspec.structs.replace(event, communicate=bare)
     kind, data = type(event).__name__, _encoder.encode(event)
     hashed = fingerprint(effects)
-    return Step(incarnation, step, at, kind, data, hashed, effects.deed, len(content), took, effects.parents), content
+    sizes = [len(encode(one)) for one in effects.sends] if sizes is None else sizes
+    said = tuple(_said(one, size, without_log) for one, size in zip(effects.sends, sizes, strict=True))
+    return Step(
+        incarnation, step, at, kind, data, hashed, effects.deed, len(content), took, effects.parents, said
+    ), content
+
+
+def _said(one: Communicate, size: int, without_log: Container[str]) -> Said:
+    bare, check = checked(one)
+    return Said(one if one.receiver in without_log else bare, size, check)
+
+
+def checked(one: Communicate) -> tuple[Communicate, int]:
+    """Return a communicate without its content, and the CRC-32 of that; 0 without one."""
+    if one.content is msgspec.UNSET:
+        return one, 0
+    return msgspec.structs.replace(one, content=msgspec.UNSET), zlib.crc32(one.content)
 
 
 def _parted(communicate: Communicate) -> tuple[Communicate, msgspec.Raw]:
@@ -113,6 +152,7 @@ class StepLog:
 
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
+        self.path = path
         self._file = path.open("ab", buffering=BUFFER_BYTES)
         self.waiting = self.lost = 0
         self.trouble = ""
@@ -162,25 +202,46 @@ class StepLog:
             self._file.close()
 
 
-def read(path: Path) -> Iterator[Step]:
-    """All whole lines of a log. Raise StepLogError for one that is none; a torn last line is left out."""
-    data, at = path.read_bytes(), 0
-    while at + HEAD.size <= len(data):
-        (length,) = HEAD.unpack_from(data, at)
-        body = data[at + HEAD.size : at + HEAD.size + length]
-        if len(body) < length:
+class Reader:
+    """Reads a log from `at` [bytes] on, also while it is written: `new` goes on where the last call ended."""
+
+    def __init__(self, path: Path, at: int = 0) -> None:
+        self.path, self.at = path, at
+
+    def new(self) -> Iterator[Step]:
+        """The whole lines since the last call; a line is read once it is yielded. Raise StepLogError for one that is
+        none, OSError.
+        """
+        if self.path.stat().st_size <= self.at:
             return
-        end = at + HEAD.size + length
+        with self.path.open("rb") as file:
+            file.seek(self.at)
+            while (found := self._line(file)) is not None:
+                step, self.at = found
+                yield step
+
+    def _line(self, file: IO[bytes]) -> tuple[Step, int] | None:
+        """Return the next step and the offset behind it; None where there is no whole one."""
+        head = file.read(HEAD.size)
+        if len(head) < HEAD.size:
+            return None
+        (length,) = HEAD.unpack(head)
+        body = file.read(length)
+        if len(body) < length:
+            return None
         try:
             step = _decoder.decode(body)
-            content = data[end : end + step.apart]
+            content = file.read(step.apart)
             if len(content) < step.apart:
-                return
-            whole = _joined(step, content) if step.apart else step
+                return None
+            return _joined(step, content) if step.apart else step, self.at + HEAD.size + length + step.apart
         except UNREADABLE as error:
-            raise StepLogError(path, at, str(error)) from error
-        yield whole
-        at = end + step.apart
+            raise StepLogError(self.path, self.at, str(error)) from error
+
+
+def read(path: Path) -> Iterator[Step]:
+    """All whole lines of a log. Raise StepLogError for one that is none; a torn last line is left out."""
+    return Reader(path).new()
 
 
 def deeds(folder: Path) -> list[tuple[str, Deed]]:

@@ -1,7 +1,8 @@
-"""Listening to everything of one or more systems, for recorders: one session, a subscription each, no agent.
+"""Listening beside the agents: heartbeats, telemetry, orders and liveliness tokens of one or more systems, one session.
 
-Takes part in nothing: it sends no receipt and declares no token, so nobody waits for it. Callbacks of Zenoh call
-`on_sample`, which must only enqueue: while it works, every other sample waits.
+Takes part in nothing: it sends no receipt and declares no token, so nobody waits for it. What agents say to each other
+it does not hear; their step logs have that. Callbacks of Zenoh call `on_sample`, which must only enqueue: while it
+works, every other sample waits.
 """
 
 import time
@@ -10,7 +11,9 @@ from collections.abc import Callable
 import msgspec
 import zenoh
 
-from agent_runtime.core.wiring import HOUSE, service_key
+from agent_runtime.core.control import KIND
+from agent_runtime.core.wiring import service_key
+from agent_runtime.io.message_size import put
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import close, open_client
@@ -22,11 +25,10 @@ LATEST_S = 60.0
 
 
 class Sample(msgspec.Struct, frozen=True):
-    """A sample on `key` at `at` [unix s]. `token`: a liveliness token, declared or (`gone`) withdrawn; no data then.
+    """Something said on `key` at `at` [unix s]. `token`: a liveliness token, declared or (`gone`) withdrawn.
 
-    `deaf_since`: nothing came by (no key), but from then on [unix s] the tap had no router, and heard nothing; with
-    `missed`, a key, only not all that its sender said. `source`, `number`: who put it, and as its which one (gaps.py);
-    0: it was not numbered. `log`: no tap heard it, the step log of this agent has it.
+    `size`: bytes of a communicate of which `data` has all but the content, since nobody took it; else 0. `broken`: why
+    bytes that reached an agent, and are not known, were no communicate.
     """
 
     key: str
@@ -34,71 +36,44 @@ class Sample(msgspec.Struct, frozen=True):
     at: float
     token: bool = False
     gone: bool = False
-    deaf_since: float = 0.0
-    log: str = ""
-    source: str = ""
-    number: int = 0
-    missed: str = ""
+    size: int = 0
+    broken: str = ""
 
     @property
     def system(self) -> str:
-        """The system it belongs to; "" if it concerns all of them."""
-        key = self.key or self.missed
-        return key.split("/")[1] if key else ""
-
-    @property
-    def sender(self) -> str:
-        """The sender, or the name of what was not heard; "" if nobody is named."""
-        return sender_of(self.key or self.missed)
-
-
-def sender_of(key: str) -> str:
-    """Return the sender that a key names, of a communicate or beside them; "" where it names none."""
-    chunks = key.split("/")
-    place = 4 if len(chunks) > 2 and chunks[2] == HOUSE else 3
-    return chunks[place] if len(chunks) > place else ""
+        """The system it belongs to."""
+        return self.key.split("/")[1]
 
 
 class Tap:
     """The open subscriptions."""
 
-    def __init__(
-        self,
-        session: zenoh.Session,
-        systems: tuple[str, ...],
-        on_sample: Callable[[Sample], None],
-        router: Callable[[bool, float], None] | None = None,
-    ) -> None:
-        """`router` gets each coming and going of the router, and when; else a sample tells of the time without one."""
-        self._session, self._deaf_since, self._heard_at = session, 0.0, 0.0
+    def __init__(self, session: zenoh.Session, systems: tuple[str, ...], on_sample: Callable[[Sample], None]) -> None:
+        self._session = session
 
         def heard(sample: zenoh.Sample) -> None:
-            source, number = _numbered(sample)
-            one = Sample(str(sample.key_expr), sample.payload.to_bytes(), _passed(sample), source=source, number=number)
-            self._heard_at = one.at
-            on_sample(one)
+            on_sample(Sample(str(sample.key_expr), sample.payload.to_bytes(), _passed(sample)))
 
         def lived(sample: zenoh.Sample) -> None:
             gone = sample.kind == zenoh.SampleKind.DELETE
             on_sample(Sample(str(sample.key_expr), b"", time.time(), token=True, gone=gone))
 
-        def linked(event: zenoh.TransportEvent) -> None:
-            (router or told)(event.kind == zenoh.SampleKind.PUT, time.time())
-
-        def told(up: bool, now: float) -> None:
-            if not up:
-                self._deaf_since = min(self._heard_at or now, now)
-            elif self._deaf_since:
-                on_sample(Sample("", b"", now, deaf_since=self._deaf_since))
-                self._deaf_since = 0.0
-
-        tokens = [service_key(system, "alive", "*", "*") for system in systems]
-        # References are kept: a dropped declaration is undeclared.
+        # References are kept: a dropped declaration is undeclared. Of keys that name a peer orders alone are heard.
+        keys = [
+            key for system in systems for key in (service_key(system, "*", "*"), service_key(system, KIND, "*", "*"))
+        ]
         self._declared = (
-            *(session.declare_subscriber(f"roco/{system}/**", heard) for system in systems),
-            *(session.liveliness().declare_subscriber(key, lived, history=True) for key in tokens),
-            session.info.declare_transport_events_listener(linked, history=True),
+            *(session.declare_subscriber(key, heard) for key in keys),
+            *(
+                session.liveliness().declare_subscriber(service_key(system, "alive", "*", "*"), lived, history=True)
+                for system in systems
+            ),
         )
+
+    def put(self, key: str, data: bytes) -> None:
+        """Say something to an agent."""
+        if not self._session.is_closed():
+            put(self._session, key, data)
 
     def close(self) -> None:
         """Hear no more."""
@@ -127,11 +102,6 @@ def open_ear(
     return None if session is None else Ear(session, key, on_data)
 
 
-def _numbered(sample: zenoh.Sample) -> tuple[str, int]:
-    info = sample.source_info
-    return ("", 0) if info is None else (str(info.source_id.zid), info.source_sn)
-
-
 def _passed(sample: zenoh.Sample) -> float:
     """Return when it passed the router [unix s], whose clock stamps it, however late it is read here.
 
@@ -150,12 +120,11 @@ def open_tap(
     give_up: Callable[[], bool],
     identity: str = RECORDER,
     told: Callable[[str], None] = lambda why: None,
-    router: Callable[[bool, float], None] | None = None,
 ) -> Tap | None:
     """A tap, as soon as the router is there; None when `give_up` says so first. `identity`: with keys, whose.
 
-    `told` gets the reason where it takes longer; `router` as Tap has it.
+    `told` gets the reason where it takes longer.
     """
     tls = client_tls(options.keys, identity) if options.keys else None
     session = open_client(options.connect, give_up, tls=tls, told=told)
-    return None if session is None else Tap(session, options.all_systems, on_sample, router)
+    return None if session is None else Tap(session, options.all_systems, on_sample)

@@ -7,7 +7,6 @@ from queue import Empty
 
 import msgspec
 
-from agent_runtime.io.gaps import Gaps
 from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.tap import Sample
 
@@ -18,17 +17,12 @@ MOST_BYTES = 256 * 1024 * 1024
 
 
 class Waiting:
-    """Samples that wait; `dropped`: how many were too many; `stopped`: no more are wanted.
-
-    Where something is missing between them, a sample that says so comes before the one by which that is seen.
-    """
+    """Samples that wait; `dropped`: how many were too many; `stopped`: no more are wanted."""
 
     def __init__(self) -> None:
         self._queue = OneReaderQueue[Sample | None]()
         self._lock = threading.Lock()
         self._bytes = 0
-        self._gaps = Gaps()
-        self._behind: Sample | None = None
         self.dropped = 0
         self.stopped = False
 
@@ -57,23 +51,15 @@ class Waiting:
 
     def get(self, timeout_s: float) -> Sample | None:
         """The oldest sample; None: stop, or none came in time."""
-        if self._behind is not None:
-            behind, self._behind = self._behind, None
-            return behind
         try:
-            sample = self._taken(self._queue.get(timeout_s))
+            return self._taken(self._queue.get(timeout_s))
         except Empty:
             return None
-        gap = None if sample is None else self._gaps.heard(sample)
-        if gap is None:
-            return sample
-        self._behind = sample
-        return gap
 
     def left(self) -> list[Sample]:
         """Return the waiting samples."""
         left = []
-        while len(self._queue) or self._behind is not None:
+        while len(self._queue):
             sample = self.get(0.0)
             if sample is not None:
                 left.append(sample)

@@ -12,6 +12,7 @@ parent's main is imported.
 import contextlib
 import importlib
 import os
+import select
 import signal
 import socket
 import struct
@@ -47,6 +48,10 @@ class Link:
     def recv(self, kind: type[T] | Any = Any) -> T | Any:
         """The next message, decoded as `kind` (a Struct or a tagged union); EOFError when the other side is gone."""
         return msgspec.msgpack.decode(self.recv_bytes(), type=kind)
+
+    def waiting(self) -> bool:
+        """Whether a message, or a part of one, is there."""
+        return bool(select.select([self._end], [], [], 0.0)[0])
 
     def send_bytes(self, data: bytes) -> None:
         """Send one frame."""
@@ -96,7 +101,7 @@ class Worker:
         theirs.close()
         os.close(watched)
         self._outgoing = OneReaderQueue[bytes | None]()
-        self._muted = threading.Event()
+        self._muted, self._closing = threading.Event(), threading.Lock()
         self._threads = [threading.Thread(target=run, daemon=True) for run in (self._write, self._read)]
         for thread in self._threads:
             thread.start()
@@ -124,9 +129,10 @@ class Worker:
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join()
-        if self._lifeline >= 0:
-            os.close(self._lifeline)
-            self._lifeline = -1
+        with self._closing:  # two threads may end it at once
+            lifeline, self._lifeline = self._lifeline, -1
+        if lifeline >= 0:
+            os.close(lifeline)
         self._socket.close()
 
     def _write(self) -> None:

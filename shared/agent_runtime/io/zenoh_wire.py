@@ -7,6 +7,7 @@ which incarnation of the agent is alive.
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Protocol
 
 import msgspec
@@ -17,6 +18,8 @@ from agent_runtime.core.effects import Receipt
 from agent_runtime.core.wiring import Delivery, Wiring, life, parse_life, service_key
 from agent_runtime.io.inbox import Class
 from agent_runtime.io.incoming import NAMELESS, Bytes, OrderBytes, Ping, ReceiptBytes, RouterSeen, Token
+from agent_runtime.io.log_sender import KIND as LOG
+from agent_runtime.io.log_sender import WANTED, LogSender
 from agent_runtime.io.message_size import put
 from agent_runtime.io.sessions import close
 from fipa_codec.communicate import Communicate, encode, number_of
@@ -27,8 +30,6 @@ KNOWN_KEYS = 1024
 """Keys that are known; estimate: an agent hears on some dozen."""
 LONGEST_NAMES = 64
 """Bytes of an attachment that are read; ours have 25, with a digest 42, with a number of 18 digits 45."""
-LINK = 2**24
-"""Numbers of puts have 32 bits in Zenoh: the upper eight count the times at which the router was reached."""
 NOBODYS = b"?"
 """In the place of a digest that cannot be read: of no message."""
 KNOWN_NAMES = 256
@@ -53,9 +54,17 @@ class ZenohWire:
     """
 
     def __init__(
-        self, session: zenoh.Session, wiring: Wiring, incarnation: int, inbox: Entrance, journal: str = ""
+        self,
+        session: zenoh.Session,
+        wiring: Wiring,
+        incarnation: int,
+        inbox: Entrance,
+        journal: str = "",
+        log: Path | None = None,
     ) -> None:
-        """Declare what the agent listens to, then its token, with the name of its journal."""
+        """Declare what the agent listens to, then its token, with the name of its journal. `log`: its step log, for a
+        recorder that cannot read it.
+        """
         self._session, self._wiring, self._inbox = session, wiring, inbox
         self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr, Any, Any, bool]] = {}
         self._known: dict[str, tuple[Class, tuple[str, ...], bool]] = {}
@@ -64,8 +73,8 @@ class ZenohWire:
             for peer in wiring.peers
         }
         self._journal, self._names = journal, dict[str, bytes]()
-        self._said = 0
         system, me = wiring.system, wiring.agent
+        self._sender = None if log is None else LogSender(log, self._put_log)
         # References are kept: a dropped declaration is undeclared.
         self._declared: list[Any] = [
             # Nothing is put by these. A router keeps the way of a key that somebody declared a publisher on, and finds
@@ -78,6 +87,7 @@ class ZenohWire:
             session.declare_subscriber(service_key(system, "ping", "*", me), self._on_ping),
             session.declare_subscriber(service_key(system, "pong", "*", me), self._on_pong),
             session.declare_subscriber(service_key(system, KIND, "*", me), self._on_order),
+            session.declare_subscriber(service_key(system, WANTED, "*", me), self._on_wanted),
             # history: a token declared in the same instant was missed without it in 4 of 9 runs.
             session.liveliness().declare_subscriber(
                 service_key(system, "alive", "*", "*"), self._on_token, history=True
@@ -130,33 +140,29 @@ class ZenohWire:
         """Put something for people: dropped where it would have to wait. Raises TooLongError."""
         key = service_key(self._wiring.system, kind, self._wiring.agent)
         if not self._session.is_closed():
+            # More than about 1 MB/s of it must not be put: if the cable is cut under 3 MB/s, such a put never returns
+            # (eclipse-zenoh 1.10.2, with any size of the socket's buffer). 0.6 MB/s does no harm (measured).
             drop = zenoh.CongestionControl.DROP
-            put(self._session, key, data, congestion_control=drop, source_info=self._numbered())
+            put(self._session, key, data, congestion_control=drop)
 
     def close(self) -> None:
         """Close the session; the token vanishes at once."""
+        if self._sender is not None:
+            self._sender.close()
         close(self._session)
         self._declared.clear()
 
     def _put(self, key: zenoh.KeyExpr | str, data: bytes, priority: Any, attached: bytes | None = None) -> None:
-        info = self._numbered()
         if attached is None:
-            put(self._session, key, data, priority=priority, congestion_control=_BLOCK, source_info=info)
+            put(self._session, key, data, priority=priority, congestion_control=_BLOCK)
         else:
-            put(
-                self._session,
-                key,
-                data,
-                priority=priority,
-                congestion_control=_BLOCK,
-                source_info=info,
-                attachment=attached,
-            )
+            put(self._session, key, data, priority=priority, congestion_control=_BLOCK, attachment=attached)
 
-    def _numbered(self) -> zenoh.SourceInfo:
-        """Return the number of the next put: who records sees by a gap that something did not reach it."""
-        self._said = (self._said + 1) % 2**32
-        return zenoh.SourceInfo(self._session.id, self._said)
+    def _put_log(self, data: bytes) -> None:
+        """Put a part of the log, behind everything else."""
+        if not self._session.is_closed():
+            key = service_key(self._wiring.system, LOG, self._wiring.agent)
+            put(self._session, key, data, priority=zenoh.Priority.BACKGROUND, congestion_control=_BLOCK)
 
     # --- in: on Zenoh's threads ---------------------------------------------------------------------------------------
 
@@ -187,6 +193,10 @@ class ZenohWire:
         data = sample.payload.to_bytes()
         self._inbox.put(Class.CONTROL, OrderBytes(data), KIND, len(data))
 
+    def _on_wanted(self, sample: zenoh.Sample) -> None:
+        if self._sender is not None:
+            self._sender.wanted(sample.payload.to_bytes())
+
     def _on_ping(self, sample: zenoh.Sample) -> None:
         self._on_question(sample, pong=False)
 
@@ -208,10 +218,7 @@ class ZenohWire:
             self._inbox.put(Class.LIFE, Token(agent, incarnation, alive, journal), agent)
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
-        up = event.kind == zenoh.SampleKind.PUT
-        if up:
-            self._said = self._said // LINK * LINK + LINK  # what was put without a router no recorder missed
-        self._inbox.put(Class.OWN, RouterSeen(up))
+        self._inbox.put(Class.OWN, RouterSeen(event.kind == zenoh.SampleKind.PUT))
 
 
 def _attachment(sample: zenoh.Sample) -> Attached:

@@ -4,72 +4,56 @@ Objects are named by the person's words ("jar"); which thing of the world that i
 """
 
 from enum import StrEnum
-from typing import get_args
+from typing import ClassVar
 
 import msgspec
 
+from companion.languages import hfsm
 from companion.languages.evidence import Evidence
 from companion.languages.facts import Facts
-from companion.languages.values import Side
+from companion.languages.hfsm import Place, Step
 
 
 class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
-    """A command of a person. `urgency`: more urgent ones come first; `deadline`, `start`: until when it is to be done,
-    and when it may begin, unix time [s], 0 for none. `after`: the task said before it in the same sentence.
+    """A command of a person. Each task has its own: companion.tasks.<task>.command; companion.commands finds them.
+
+    `urgency`: more urgent ones come first; `deadline`, `start`: until when it is to be done, and when it may begin,
+    unix time [s], 0 for none. `after`: the task said before it in the same sentence. `surveys`: it is about no thing,
+    and its end tells what was seen. `gives`: once it is done, a person has its things.
     """
+
+    surveys: ClassVar[bool] = False
+    gives: ClassVar[bool] = False
 
     urgency: int = 0
     deadline: float = 0.0
     start: float = 0.0
     after: str = ""
 
+    @property
+    def task(self) -> hfsm.Task:
+        """The task of the planning domain that pl is asked for."""
+        raise NotImplementedError
 
-class PourInto(Command, frozen=True):
-    """Pour the content of one object into another."""
+    @property
+    def says(self) -> str:
+        """The row of [say] in the task's phrases.toml that says this command; its blanks are fields of the command."""
+        raise NotImplementedError
 
-    source: str
-    destination: str
+    @property
+    def things(self) -> tuple[str, ...]:
+        """The names of the things that it is about, as far as it names them."""
+        return tuple(name for field in THINGS if (name := getattr(self, field, "")))
 
-
-class Take(Command, frozen=True):
-    """Take an object out and hold it; the side is the robot's choice where none is named."""
-
-    object: str
-    side: str = ""
-
-
-class Bring(Command, frozen=True):
-    """Take an object and hold it over a free place of a table, until it is to be put down there."""
-
-    object: str
-    side: str = ""
+    def settled(self, plan: hfsm.HierarchicalPlan) -> hfsm.Task | None:
+        """Return the task that later plans are for, where this plan settled what the words mean; None for the same."""
+        return None
 
 
-class SwapHands(Command, frozen=True):
-    """Take a held object with the other hand; without a name the only one that is held."""
-
-    object: str = ""
-
-
+THINGS = ("source", "destination", "object")
+"""Fields of commands that name a thing."""
 BACK = "back"
-"""A place of PutDown: where the object stood before it was taken."""
-
-
-class PutDown(Command, frozen=True):
-    """Put a held object down wherever there is room. With a place ("table", "cabinet", BACK) put it there; it is taken
-    first if no hand holds it.
-    """
-
-    object: str
-    place: str = ""
-
-
-class ClearTable(Command, frozen=True):
-    """Put into the cabinet what stands on a table, as far as there is room for it."""
-
-
-class LookAround(Command, frozen=True):
-    """Look around and say what is there."""
+"""A place that a person may name: where the thing stood before it was taken."""
 
 
 class TaskState(StrEnum):
@@ -88,20 +72,14 @@ class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=Tr
     """State of a task, and why. `steps`: with a new plan, what it does one after the other. `evidence`: at the end,
     what is true now and which senses told.
 
-    `at`: the path of the plan's state that is under way, or, where it `asks`, that waits for an operator, with the hand
-    that does it.
+    `at`: where in the plan it is, or, where it `asks`, what waits for an operator. `number`: of the step there, the
+    first is 1; 0 where it is none of the steps.
     """
 
     state: TaskState
     why: Facts = ()
-    steps: tuple[str, ...] = ()
-    at: str = ""
-    side: Side | None = None
+    steps: tuple[Step, ...] = ()
+    at: Place | None = None
+    number: int = 0
     asks: bool = False
     evidence: tuple[Evidence, ...] = ()
-
-
-Task = PourInto | Take | Bring | SwapHands | PutDown | ClearTable | LookAround
-TASKS = get_args(Task)
-"""The classes of commands."""
-Content = Task | TaskReport

@@ -1,28 +1,41 @@
 """Evidence: which sense told that something is true after an act, of which thing, when, and how surely.
 
-`CHECKS` of companion.languages.rc says for each act what must be true after it, and which senses can tell.
+The row of each act (companion.acts) says what must be true after it, and which senses can tell.
 """
 
 from collections.abc import Iterable
 from enum import StrEnum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Self
 
 import msgspec
+
+from companion.languages.open_enums import member
 
 Of = Annotated[str, msgspec.Meta(pattern=r"\A[!-~]{0,64}\Z")]
 """The name of a thing (companion.languages.values.Name), "" for none."""
 
 
-class Claim(StrEnum):
-    """Something that must be true after an act."""
+class AnyClaim(StrEnum):
+    """Something that must be true after an act: a general claim, or one of a task. `kept`: it is about a thing, and a
+    plan keeps it until its end; others are over with their act.
+    """
 
-    THERE = "there"  # the joints, the hand and the fingers are at the end of the motion
+    kept: bool
+
+    def __new__(cls, value: str, kept: bool = True) -> Self:
+        """Return the claim."""
+        claim = str.__new__(cls, value)
+        claim._value_, claim.kept = value, kept
+        return claim
+
+
+class Claim(AnyClaim):
+    """The claims that several acts share."""
+
+    THERE = "there", False  # the joints, the hand and the fingers are at the end of the motion
     HELD = "held"  # the thing is in the hand
     STANDS = "stands"  # the thing stands where a hand left it
-    OPEN = "open"  # the leaf is turned
-    LOOKED = "looked"  # something was seen
-    LEFT = "left"  # content left the thing
-    ARRIVED = "arrived"  # content is in the thing
+    LOOKED = "looked", False  # something was seen
 
 
 class Sense(StrEnum):
@@ -47,28 +60,35 @@ class Check(msgspec.Struct, frozen=True):
     hand holds, or for no thing), `by` which senses, and what becomes of the act otherwise.
     """
 
-    claim: Claim
+    claim: AnyClaim
     of: str
     by: tuple[Sense, ...]
     otherwise: Otherwise
+
+
+if TYPE_CHECKING:
+    ClaimOfAct = AnyClaim
+else:
+    ClaimOfAct = str  # as of companion.languages.facts.Fact.kind
 
 
 class Evidence(msgspec.Struct, frozen=True, array_like=True):
     """A claim about a thing ("" for none), and which senses told that it is true; none: it was not checked.
 
     `at`: when the last of them told, 0 where none did [s, simulated]; `within`: standard deviation of the thing's place
-    by the eyes [m], 0 where it is not known.
+    by the eyes [m], 0 where it is not known. Raises ValueError for an unknown claim.
     """
 
-    claim: Claim
+    claim: ClaimOfAct
     of: Of
     by: tuple[Sense, ...] = ()
     at: float = 0.0
     within: float = 0.0
 
-
-ABOUT_THINGS = frozenset({Claim.HELD, Claim.STANDS, Claim.OPEN, Claim.LEFT, Claim.ARRIVED})
-"""Claims that a plan keeps until its end; the others are over with their act."""
+    def __post_init__(self) -> None:
+        """Replace the name of a claim, as it is read, by the claim."""
+        if type(self.claim) is str:
+            msgspec.structs.force_setattr(self, "claim", member(AnyClaim, self.claim))
 
 
 def newest(known: Iterable[Evidence], told: Iterable[Evidence], held: Iterable[str]) -> tuple[Evidence, ...]:
@@ -76,7 +96,7 @@ def newest(known: Iterable[Evidence], told: Iterable[Evidence], held: Iterable[s
 
     A thing that is held stands nowhere, and one that is not held any more is in no hand.
     """
-    found = {(one.claim, one.of): one for one in (*known, *told) if one.claim in ABOUT_THINGS}
+    found = {(one.claim, one.of): one for one in (*known, *told) if one.claim.kept}
     now = set(held)
     over = {(Claim.STANDS, name) for name in now} | {key for key in found if key[0] is Claim.HELD and key[1] not in now}
     return tuple(one for key, one in found.items() if key not in over)

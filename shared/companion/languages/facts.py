@@ -1,23 +1,25 @@
 """Facts say why, what and how much in the content languages: a kind with its things, hand, numbers and words.
 
-Programs decide by kinds and parts. Sentences are made where a person reads them (companion.sentences).
+Programs decide by kinds and parts. Sentences are made where a person reads them (companion.sentences). Here are the
+kinds that several tasks share; a kind of one task is in its room (companion.tasks, part `done`).
 """
 
 import re
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import msgspec
 
 from companion.languages.evidence import Of
+from companion.languages.open_enums import member
 from companion.languages.values import Side
 
 
-class Kind(StrEnum):
-    """What a fact says. Behind each kind stand its parts, in the order of a sentence: `a`, `b` for things, `things` for
-    any number of them, `side` for a hand, `x:m` for a number with its unit, `w:part` for a word of a list,
-    `because` for facts that are the reason.
+class AnyKind(StrEnum):
+    """What a fact says: a general kind, or one of a task. Behind each kind stand its parts, in the order of a sentence:
+    `a`, `b` for things, `things` for any number of them, `side` for a hand, `x:m` for a number with its unit, `w:part`
+    for a word of a list, `because` for facts that are the reason.
     """
 
     parts: tuple[str, ...]
@@ -28,12 +30,17 @@ class Kind(StrEnum):
         kind._value_, kind.parts = value, tuple(parts.split())
         return kind
 
+
+class Kind(AnyKind):
+    """The general kinds."""
+
     # What is seen
     SEEN = "seen", "things"
     SEEN_NOTHING = "seen-nothing"
     NOT_SEEN = "not-seen", "a"
     NOT_SEEN_SINCE = "not-seen-since", "a"  # it is not where it was
     LOST_SINCE = "lost-since", "side a"  # a hand lost it, and it was not seen since
+    GIVEN_AWAY = "given-away", "side a"  # to a person, and it was not seen since
     NOT_WHERE_IT_WAS = "not-where-it-was", "a because"
     FELL_OVER = "fell-over", "a"
     LIES = "lies", "a"
@@ -44,18 +51,8 @@ class Kind(StrEnum):
     MOVED = "moved", "a x:m"
     ABOVE = "above", "a b"
     OUT_OF_VIEW = "out-of-view", "a"
-    DURING_THE_TILT = "during-the-tilt", "because"
-    BEFORE_THE_TILT = "before-the-tilt", "because"
     NOT_LOOKED_AROUND = "not-looked-around", "because"
     NO_LOOK_IN_A_PLAN = "no-look-in-a-plan"
-    # What a pour did
-    LEFT = "left", "a x:kg"
-    STILL_IN = "still-in", "a x:kg"
-    ARRIVED = "arrived", "a x:kg"
-    ARRIVED_SOME = "arrived-some", "a"
-    REST_NOT_THERE = "rest-not-there", "a"
-    NOT_SEEN_IN = "not-seen-in", "a"
-    NOTHING_LEFT = "nothing-left", "a x:kg y:kg"  # its mass before and after
     # Senses
     NOT_CHECKED = "not-checked", "w:claim a"
     ILL = "ill", "w:sensor v:fault x:rad"
@@ -80,7 +77,6 @@ class Kind(StrEnum):
     SLIPS = "slips", "side x:kg"
     WRIST_DOUBTED = "wrist-doubted", "side a"  # it does not feel what is there
     TOUCHED = "touched", "side a x:fingers"
-    TOUCHED_HANDLE = "touched-handle", "side a x:fingers"
     # Where things stand
     INSIDE_ANOTHER = "inside-another", "a"
     STANDS_FREE = "stands-free", "a"
@@ -101,17 +97,13 @@ class Kind(StrEnum):
     NO_ROOM = "no-room", "a b"
     # Ways of the arms
     UNREACHED = "unreached", "side a"
-    HANDLE_UNREACHED = "handle-unreached", "side a"
     NO_GRASP = "no-grasp", "side a because"
     NO_WAY_TO = "no-way-to", "side a"
     NO_WAY_CARRYING = "no-way-carrying", "side a"
-    NO_TILT = "no-tilt", "a b"
-    NO_POUR = "no-pour", "side a b"
     NO_PLACE_WITHIN_REACH = "no-place-within-reach", "side a"
     NO_WAY_TO_PUT_DOWN = "no-way-to-put-down", "side a"
     NO_WAY_INTO = "no-way-into", "side a b"
     NO_PLACE_REACHED_IN = "no-place-reached-in", "side a b"
-    NO_WAY_TO_OPEN = "no-way-to-open", "side a"
     NO_WAY_HOME = "no-way-home", "side"
     NOT_ABOVE_ITS_PLACE = "not-above-its-place", "side"
     NO_PATH_TO_ITS_PLACE = "no-path-to-its-place", "side"
@@ -119,12 +111,8 @@ class Kind(StrEnum):
     WAY_NOT_FREE = "way-not-free", "w:body v:body"
     WAY_BLOCKED = "way-blocked"
     NOT_STRAIGHT = "not-straight", "side because"
-    NOT_TURNED = "not-turned", "side a because"
-    NOT_SEEN_TURNED = "not-seen-turned", "a"
-    TURNED_TOO_LITTLE = "turned-too-little", "a x:rad y:rad"  # by, needed
     MET_SOMETHING = "met-something", "side a x:m"  # above the place of the thing
     NO_OPENING = "no-opening", "a"
-    INTO_ITSELF = "into-itself", "a"
     NO_KNOWN_GRASP = "no-known-grasp", "a"
     LINE_ENDS = "line-ends", "x:percent w:limit"  # of a straight way of the hand: by reach, jump or collision
     # The body
@@ -205,21 +193,35 @@ class Kind(StrEnum):
     WHILE_PLANNED = "while-planned"
 
 
-class Fact(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A fact of a kind, with the parts that its kind names. `numbers`: in the units that it names."""
+if TYPE_CHECKING:
+    KindOfFact = AnyKind
+else:
+    KindOfFact = str  # msgspec takes one enumeration for a field, and there is one more for each task
 
-    kind: Kind
+
+class Fact(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A fact of a kind, with the parts that its kind names. `numbers`: in the units that it names.
+
+    Raises ValueError for a kind that neither the general ones nor those of a task have.
+    """
+
+    kind: KindOfFact
     things: tuple[Of, ...] = ()
     side: Side | None = None
     numbers: tuple[float, ...] = ()
     words: tuple[Of, ...] = ()
     because: tuple["Fact", ...] = ()
 
+    def __post_init__(self) -> None:
+        """Replace the name of a kind, as it is read, by the kind."""
+        if type(self.kind) is str:
+            msgspec.structs.force_setattr(self, "kind", member(AnyKind, self.kind))
+
 
 Facts = tuple[Fact, ...]
 
 
-def fact(kind: Kind, *parts: Any) -> Fact:
+def fact(kind: AnyKind, *parts: Any) -> Fact:
     """Return a fact from the parts of its kind, in their order. Raises ValueError for others.
 
     Parts are str, Side, float and, as reasons, Fact or Facts.

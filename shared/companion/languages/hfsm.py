@@ -2,17 +2,19 @@
 
 A GroundTaskNetwork asks for a plan; a HierarchicalPlan is the answer, and ta runs it as its super-state without further
 knowledge of pl. A plan is a tree: machines contain states, leaves act (RC) or ask km (WM). Arcs name the outcome that
-leads on; the target is a sibling state or an outcome of the machine itself.
+leads on; the target is a sibling state or an outcome of the machine itself. Names of states are ids among their
+siblings; what a state does, its step says.
 """
 
+from collections.abc import Iterator
 from enum import StrEnum
 
 import msgspec
 
+from companion.acts import AnyAct
 from companion.languages.facts import Facts
-from companion.languages.rc import Act as RobotCommand
 from companion.languages.values import Side
-from companion.languages.wm import AnyQuery
+from companion.languages.wm import AnyQuery, Holds, Relation
 
 
 class Outcome(StrEnum):
@@ -24,24 +26,35 @@ class Outcome(StrEnum):
     PREEMPTED = "preempted"
 
 
-class TaskName(StrEnum):
-    """The tasks that pl can be asked for. On the wire a name is a str: pl answers one that it does not know."""
-
-    POUR = "pour"
-    TAKE = "take"
-    BRING = "bring"
-    SWAP_HANDS = "swap_hands"
-    PUT_DOWN = "put_down"
-    PUT_AT = "put_at"
-    CLEAR_TABLE = "clear_table"
-    LOOK_AROUND = "look_around"
-
-
 class Task(msgspec.Struct, frozen=True):
-    """One ground task: its name in the planning domain (a TaskName) and its arguments."""
+    """One ground task: its name in the planning domain, as a task's `plan` declares it, and its arguments."""
 
     name: str
     arguments: tuple[str, ...]
+
+
+class Step(msgspec.Struct, frozen=True, array_like=True, omit_defaults=True):
+    """What a part of a plan does: a row of the catalogues' [step] table, with which things, and with which hand."""
+
+    does: str
+    things: tuple[str, ...] = ()
+    side: Side | None = None
+
+
+class Place(msgspec.Struct, frozen=True, array_like=True, omit_defaults=True):
+    """A leaf of a plan that is under way, or waits: names of states from below the root to it, the step that it is in,
+    the class of its act ("" for none), and the hand that acts.
+    """
+
+    path: tuple[str, ...]
+    step: Step | None = None
+    act: str = ""
+    side: Side | None = None
+
+    @property
+    def id(self) -> str:
+        """The path as one text: what an operator names when the act may begin. No program takes it apart."""
+        return "/".join(self.path)
 
 
 class GroundTaskNetwork(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
@@ -62,7 +75,7 @@ class ActState(msgspec.Struct, frozen=True, tag=True):
     """A leaf that asks ex for one act."""
 
     name: str
-    command: RobotCommand
+    command: AnyAct
     arcs: tuple[Arc, ...] = ()
 
 
@@ -88,7 +101,7 @@ class Machine(msgspec.Struct, frozen=True, tag=True):
     """A container of states; `initial` is entered first. A missing arc passes the outcome up.
 
     `safe`: run in place of the rest when the plan is cancelled while this machine is active and something is held
-    (put it down); None: the act is stopped and nothing else is needed.
+    (put it down); None: the act is stopped and nothing else is needed. `step`: what it does; None for a root.
     """
 
     name: str
@@ -96,9 +109,29 @@ class Machine(msgspec.Struct, frozen=True, tag=True):
     states: tuple["ActState | AskState | EndState | Machine", ...]
     arcs: tuple[Arc, ...] = ()
     safe: "Machine | None" = None
+    step: Step | None = None
 
 
 State = ActState | AskState | EndState | Machine
+
+
+def acts(machine: Machine) -> Iterator[AnyAct]:
+    """Yield the acts of a plan in the order of its states."""
+    for state in machine.states:
+        if isinstance(state, Machine):
+            yield from acts(state)
+        elif isinstance(state, ActState):
+            yield state.command
+
+
+def step_of(state: State) -> Step | None:
+    """Return what a state below the root does; None for one that is no step of a plan, such as its end."""
+    match state:
+        case Machine(step=step):
+            return step
+        case AskState(query=Holds(relation=Relation.HAS_EXACT_POSE, subject=thing)):
+            return Step("localize", (thing,))
+    return None
 
 
 PUT_DOWN_S = 15.0

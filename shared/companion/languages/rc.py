@@ -3,6 +3,9 @@
 The paper names no language for C5; this one is ours. A command is one skill. Its key names the act (plan id and step),
 so that an act is never begun twice. Free motions carry joint paths planned by pl; the other skills carry what is wanted
 in the object's frame, and ex solves the joints again from its newest observation.
+
+Here are the acts that several tasks share; the act of one task is in its room (companion.tasks, part `done`). All of
+them, with what must be true after each, are in companion.acts.
 """
 
 import math
@@ -11,10 +14,10 @@ from typing import Annotated
 
 import msgspec
 
-from companion.languages.evidence import ABOUT_THINGS, Check, Claim, Evidence, Otherwise, Sense
+from companion.languages.evidence import Evidence
 from companion.languages.facts import Facts
 from companion.languages.rs import Seen
-from companion.languages.values import BodyPosture, Name, Pose, Side, Vector, Within
+from companion.languages.values import BodyPosture, Pose, Side, Vector, Within
 
 # What numbers may be; ex refuses others. As in velma.ranges, which has the sources (a test compares them).
 Angle = Annotated[float, Within(-math.tau, math.tau)]  # rad
@@ -104,52 +107,10 @@ class Look(Command, frozen=True):
     at: tuple[Vector, ...]
 
 
-class Pour(Command, frozen=True):
-    """Tilt a held object over another one, hold, and turn it back.
-
-    `azimuth`: world direction [rad] in which the opening moves down; `spin`: turn of the source about its axis [rad].
-    `tilts`: first and last tilt from the vertical [rad]. `hold`: time at the last tilt [s].
-    """
-
-    side: Side
-    source: Name
-    destination: Name
-    azimuth: Angle
-    spin: Angle
-    tilts: tuple[Angle, Angle]
-    hold: Rest
-    empty_mass: Kilograms
-
-
-class OpenDoor(Command, frozen=True):
-    """Take a leaf by its handle, turn it about its hinge, let go, draw the hand back, and look at the leaf.
-
-    `approach`: in the leaf's frame, outermost first, the handle last. Fingers: `closed`, where one stops that meets
-    nothing [rad], `squeeze` and `speed` as of Grasp. `turn`: of the leaf about its z from where it is seen before
-    [rad]. `least`: size of the turn that is enough. `end`: of the hand in the leaf's frame after the turn, in which the
-    fingers slide about the bar; None: as at its begin.
-    """
-
-    side: Side
-    door: Name
-    approach: tuple[ApproachPoint, ...]
-    closed: Bend
-    squeeze: Bend
-    speed: FingerSpeed
-    turn: Angle
-    least: Angle
-    end: Pose | None = None
-
-
 class Home(Command, frozen=True):
     """Bring one arm, with an empty hand, back to its start posture by a way ex plans itself."""
 
     side: Side
-
-
-LEAST_WEIGHED_KG = 0.015
-"""Difference of two weights of a pour that counts: two deviations of a sensor that drifts by 0.05 N meanwhile (7.5 g,
-measured)."""
 
 
 class Sensor(StrEnum):
@@ -191,8 +152,8 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     `weighed`: mass in the hand before and after a pour, felt in the same posture [kg]; None: not felt. `placed`: things
     where a hand let go of them, not seen since. `arrived`: whether what left the source of a pour is in the
     destination, by a look into it; None: not looked into. `missing`: things that were looked for and are not where they
-    should be, though nothing hides the place. `ill`: faulty sensors. `evidence`: for each row of CHECKS, which senses
-    told that it is true.
+    should be, though nothing hides the place. `ill`: faulty sensors. `evidence`: for each check of the act, which
+    senses told that it is true.
     """
 
     key: str
@@ -250,31 +211,3 @@ class Accepted(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True
 
     key: str
     duration: float
-
-
-Act = MoveJoint | MoveCartesian | Grasp | Release | Look | Pour | OpenDoor | Home
-
-_THERE = Check(Claim.THERE, "", (Sense.JOINTS,), Otherwise.FAILED)
-_HELD = (Sense.WRIST, Sense.FINGERS, Sense.EYES)
-CHECKS: dict[type[Command], tuple[Check, ...]] = {
-    MoveJoint: (_THERE, Check(Claim.HELD, "", _HELD, Otherwise.SAID)),
-    MoveCartesian: (_THERE, Check(Claim.HELD, "", _HELD, Otherwise.SAID)),
-    Grasp: (_THERE, Check(Claim.HELD, "object", _HELD, Otherwise.FAILED)),
-    Release: (_THERE, Check(Claim.STANDS, "object", (Sense.EYES,), Otherwise.LOOK)),
-    Look: (_THERE, Check(Claim.LOOKED, "", (Sense.EYES,), Otherwise.SAID)),
-    Pour: (
-        _THERE,
-        Check(Claim.HELD, "source", _HELD, Otherwise.SAID),
-        Check(Claim.LEFT, "source", (Sense.WRIST, Sense.EYES), Otherwise.SAID),
-        Check(Claim.ARRIVED, "destination", (Sense.EYES,), Otherwise.FAILED),
-    ),
-    OpenDoor: (_THERE, Check(Claim.OPEN, "door", (Sense.EYES,), Otherwise.FAILED)),
-    Home: (_THERE,),
-}
-"""What must be true after each act that is done, and which senses can tell."""
-Content = Act | Accepted | Done | NotDone
-
-
-def needed(act: type[Command]) -> frozenset[Claim]:
-    """Return the claims about things without which an act fails: a sense must have told of each."""
-    return frozenset(one.claim for one in CHECKS[act] if one.otherwise is Otherwise.FAILED) & ABOUT_THINGS

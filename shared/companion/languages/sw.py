@@ -9,7 +9,7 @@ import msgspec
 
 from companion.languages.evidence import Evidence
 from companion.languages.facts import Facts
-from companion.languages.values import Side
+from companion.languages.hfsm import Place
 
 
 class WorkerState(StrEnum):
@@ -30,13 +30,12 @@ FINAL = frozenset({WorkerState.SUCCEEDED, WorkerState.FAILED, WorkerState.PREEMP
 
 
 class Report(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """ta's state, and why. `at`: the path of the plan's current state, while Waiting of the next one, with the hand
-    that does it. `evidence`: at the end of a plan, what its acts made true, and which senses told.
+    """ta's state, and why. `at`: where in the plan it is, while Waiting what comes next. `evidence`: at the end of a
+    plan, what its acts made true, and which senses told.
     """
 
     state: WorkerState
-    at: str = ""
-    side: Side | None = None
+    at: Place | None = None
     why: Facts = ()
     evidence: tuple[Evidence, ...] = ()
 

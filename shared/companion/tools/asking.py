@@ -52,13 +52,13 @@ def known(file: Path, at: float | None = None) -> Known:
 
 def _recorded(file: Path) -> "tuple[list[Spoken], list[float]]":
     """All communicates in the order of time, those the recorder missed from step logs; when each life of km began."""
-    from operate.recording import filled
+    from operate.recording import reading
     from operate.recording.records import Spoken, Token
     from operate.recording.stored import NoRecordingError
 
     said, lives = list[Spoken](), dict[int, float]()
     try:
-        records = filled.of(file, SYSTEM).records
+        records = reading.of(file, SYSTEM).records
     except NoRecordingError as error:
         raise UsageError(str(error)) from error
     for one in records:

@@ -16,7 +16,7 @@ from operate.recording.records import Spoken
 MOST_APART_MM = 30.0
 """Between belief and truth of a thing; more is shown as wrong. Estimate: a jar 20 mm aside is still grasped well."""
 Version = tuple[int, int]
-_OF_OBJECTS = wm.SeenObject | wm.PlacedObject | wm.LostObject | wm.MissingObject
+_OF_OBJECTS = wm.SeenObject | wm.PlacedObject | wm.LostObject | wm.GivenObject | wm.MissingObject
 
 
 class Belief(msgspec.Struct, frozen=True):
@@ -71,7 +71,7 @@ class Beliefs:
             self._newest = {name: found for name, found in self._newest.items() if found[0] > version}
             self._sights.clear()
             return True
-        if isinstance(one.content, wm.LostObject | wm.MissingObject | wm.SeenHand):
+        if isinstance(one.content, wm.LostObject | wm.GivenObject | wm.MissingObject | wm.SeenHand):
             self._empty |= {hand.id for hand in self._hands() if hand.content.object == one.content.object}
         self._newest[key] = version, one
         self._see(one.content)
@@ -96,6 +96,8 @@ class Beliefs:
                 return Belief(name, "put down, not seen since", told, model, pose)
             case wm.LostObject(side=side):
                 return Belief(name, f"lost by the {side} hand", told, self._models.get(name, ""))
+            case wm.GivenObject(side=side):
+                return Belief(name, f"given to a person by the {side} hand", told, self._models.get(name, ""))
             case wm.MissingObject():
                 return Belief(name, "missing where it was", told, self._models.get(name, ""))
         return Belief(name)

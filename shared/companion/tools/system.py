@@ -1,13 +1,15 @@
 """The Robot Companion as the tools see it: processes, words, and what it adds to the tools of any system."""
 
+from companion.all_languages import LANGUAGES
 from companion.design import DESIGN
-from companion.languages import LANGUAGES
 from companion.run_files import DISTURBANCES_FILE, SLOTS_FILE
+from companion.sentences import happened
+from companion.tools.shown import SHOWN, step
 from companion.wording import about, plain, why
 from operate.supervisor.processes import FIRST, Process, around
 from operate.system import Additions, Job, System
 
-EX_WORKERS = tuple(f"services.executor.{name}_process" for name in ("skill", "eye", "picture"))
+EX_WORKERS = tuple(f"services.executor.{name}_process" for name in ("skill", "renderer"))
 # Loop and agent of ex are siblings: each may die and come back without the other.
 PROCESSES = (
     *around("services.router", "services.monitor"),
@@ -28,34 +30,27 @@ SAYS = {
         "damping": "damps the joints",
         "hold": "holds the joints",
         "stopped": "stopped by a person",
-        "MoveJoint": "moves an arm",
-        "MoveCartesian": "pulls straight",
-        "Grasp": "grasps",
-        "Release": "puts down",
-        "Look": "looks",
-        "Pour": "pours",
-        "OpenDoor": "opens a door",
-        "Home": "moves an arm home",
+        **{act.__name__: row.says for act, row in SHOWN.items()},
     },
 }
 
 JOB = Job(
     command=("demo", "--headless"),
     phases={
-        "spoken": "event:command received",
-        "planning": "event:plan 1 requested",
-        "approaching": "plan:take jar_1/move-joint",
-        "closing": "plan:take jar_1/grasp",
-        "lifted": "plan:take jar_1/move-cartesian",
-        "carrying": "plan:carry jar_1/move-joint",
-        "second grasp": "plan:take bowl_1/grasp",
-        "putting down": "plan:place bowl_1/release",
-        "looking": "plan:look at bowl_1/look",
-        "replanning": "event:plan 2 requested",
-        "pouring": "plan:pour jar_1 into bowl_1/pour",
-        "finished": "event:content poured",
+        "spoken": "event:command-received",
+        "planning": "event:plan-requested 1",
+        "approaching": "plan:take jar_1/MoveJoint",
+        "closing": "plan:take jar_1/Grasp",
+        "lifted": "plan:take jar_1/MoveCartesian",
+        "carrying": "plan:carry jar_1/MoveJoint",
+        "second grasp": "plan:take bowl_1/Grasp",
+        "putting down": "plan:place bowl_1/Release",
+        "looking": "plan:look-at bowl_1/Look",
+        "replanning": "event:plan-requested 2",
+        "pouring": "plan:pour jar_1 bowl_1/Pour",
+        "finished": "event:poured jar_1 bowl_1",
     },
-    rests={"hi": "listening", "co": "trigger", "pl": "idle", "km": "idle", "ta": "idle", "ex": "idle"},
+    rests={name: (*agent.rest, agent.initial)[0] for name, agent in DESIGN.agents.items()},
     timeout_s=900.0,  # estimate: a pour takes 30-50 s on two cores of its own, 240 s at a load of 24; co waits 600 s
 )
 
@@ -64,10 +59,12 @@ SYSTEM = System(
     design=DESIGN,
     languages=LANGUAGES,
     processes=PROCESSES,
-    contents=2,  # reasons are facts since 2026-11-28
+    contents=3,  # reasons are facts since 2, steps of plans are typed since 3
     about=about,
     why=why,
     plain=plain,
+    step=step,
+    happened=happened,
     says=SAYS,
     unreplaced={
         "hi": "its words are those of people, which no recording has",

@@ -13,7 +13,7 @@ DECODERS: dict[str, Callable[[bytes], Any]] = {
     "telemetry": told,
     "truth": msgspec.msgpack.Decoder(TrueState).decode,
 }
-"""Kind of a house key -> what stands on it; raises msgspec.MsgspecError for anything else."""
+"""Kind of a signal -> what stands on it; raises msgspec.MsgspecError for anything else."""
 Told = tuple[tuple[float, T], ...]
 
 

@@ -18,6 +18,11 @@ from operate.wording import escaped
 
 ROOM = "operate.cli"
 EXAMPLES = "\nExamples:\n"
+ELSEWHERE = {
+    "--system": "the system is that of the project in this folder ([tool.roco] system in its pyproject.toml), else the"
+    ' installed one; ROCO_ENTRY="package.module:NAME" names another one (docs/design-your-own-robot.md)'
+}
+"""What to do instead of an option that people expect of a verb that has none."""
 BELOW_ZERO = re.compile(r"-\d+(\.\d+)?")
 WrongUse = cast(type[typer.BadParameter], typer.BadParameter.__mro__[1])
 """Any error of options and arguments; typer has it under other names from version to version."""
@@ -109,7 +114,12 @@ class Verb(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """As click does, but a number below zero is an argument, and no option."""
         ctx.ignore_unknown_options = any(BELOW_ZERO.fullmatch(word) for word in args)
-        return super().parse_args(ctx, args)
+        try:
+            return super().parse_args(ctx, args)
+        except WrongUse as error:
+            if instead := ELSEWHERE.get(getattr(error, "option_name", "")):
+                error.message = f"{error.message.rstrip('.')}: {instead}"
+            raise
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""

@@ -48,13 +48,15 @@ class Row(msgspec.Struct, frozen=True):
 
 class Published(msgspec.Struct, frozen=True):
     """Figures of somebody else's run, to stand beside ours. `by`: a word for a column's head; `source`: where they
-    stand; `figures`: quantity -> value; `times`: event -> s; `matrix`: sender -> receiver -> communicates.
+    stand; `figures`: quantity -> value; `times`: event -> s; `events`: event -> words; `matrix`: sender -> receiver ->
+    communicates.
     """
 
     by: str = "published"
     source: str = ""
     figures: dict[str, float] = {}
     times: dict[str, float] = {}
+    events: dict[str, str] = {}
     matrix: dict[str, dict[str, int]] = {}
 
 

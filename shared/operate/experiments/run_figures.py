@@ -28,12 +28,22 @@ class Setting(msgspec.Struct, frozen=True):
 
 
 class Happened(msgspec.Struct, frozen=True):
-    """An event, `t` s after the first communicate, `sim_s` on the simulation's clock."""
+    """An event, of these things or numbers, `t` s after the first communicate, `sim_s` on the simulation's clock.
+
+    `words`: for people; results before 2026-11-29 have those alone, as `name`.
+    """
 
     name: str
     t: float
+    of: tuple[str, ...] = ()
+    words: str = ""
     sim_s: float | None = None
     channels: tuple[str, ...] = ()
+
+    @property
+    def id(self) -> str:
+        """Its name with what it is of: `grasped jar_1`."""
+        return " ".join((self.name, *self.of))
 
 
 class Sizes(msgspec.Struct, frozen=True):
@@ -63,7 +73,6 @@ class Spans(msgspec.Struct, frozen=True):
     p50: float = 0.0
     p99: float | None = None
     max: float = 0.0
-    by_sender: int = 0
 
 
 class Latency(msgspec.Struct, frozen=True):
@@ -87,9 +96,9 @@ class Figures(msgspec.Struct, frozen=True):
     speed: str | None = None
     began: float = 0.0
 
-    def happened(self, name: str) -> Happened | None:
-        """Return the first event of this name."""
-        return next((one for one in self.events if one.name == name), None)
+    def happened(self, event: str) -> Happened | None:
+        """Return the first event of this id."""
+        return next((one for one in self.events if one.id == event), None)
 
 
 F = TypeVar("F", bound=Figures)

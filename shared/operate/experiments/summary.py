@@ -10,7 +10,6 @@ from operate.experiments import intervals
 from operate.experiments.intervals import Interval
 from operate.experiments.measures import Measures, Published, Row, Runs, values
 from operate.experiments.run_figures import Figures, Result, Setting
-from operate.reports.counts import by_whom
 
 SENT, RECEIVED = "sent", "received"
 """The margins of the count matrix: a last row, and a last column."""
@@ -71,7 +70,7 @@ def summed(runs: Runs) -> Summary:
     took = [one.took_s for one in results if one.took_s is not None]
     return Summary(
         name=runs.name,
-        method=" ".join(filter(None, (METHOD, _answered(results)))),
+        method=METHOD,
         setting=runs.setting,
         runs=len(results),
         success=success,
@@ -95,13 +94,6 @@ def row_of(name: str, unit: str, some: list[float], published: float | None, dig
     return None if mean is None else Row(name, unit, mean, min(some), max(some), published, digits)
 
 
-def _answered(results: tuple[Result[Any], ...]) -> str:
-    """Return whose times those of answers are."""
-    spans = [row.answer for one in good(results) for row in one.latency if row.answer is not None]
-    told = by_whom(sum(one.by_sender for one in spans), sum(one.count for one in spans))
-    return told and f"Answers: {told[0].lower()}{told[1:]}"
-
-
 def _rows(results: tuple[Result[Any], ...], own: Measures) -> Iterable[Row]:
     for one in own.all_quantities:
         some = list(values(one, results).values())
@@ -113,14 +105,16 @@ def _rows(results: tuple[Result[Any], ...], own: Measures) -> Iterable[Row]:
 def _events(results: tuple[Result[Any], ...], published: Published) -> Iterable[Event]:
     """Events in the order of their mean time; published ones that never came stay, last and empty."""
     figures, rows = good(results), []
-    names = dict.fromkeys(event.name for one in figures for event in one.events)
-    for name in names:
-        found = [event for one in figures if (event := one.happened(name)) is not None]
+    ids = dict.fromkeys(event.id for one in figures for event in one.events)
+    for id in ids:
+        found = [event for one in figures if (event := one.happened(id)) is not None]
         sim = [event.sim_s for event in found if event.sim_s is not None]
         t = intervals.mean([event.t for event in found])
-        rows.append(Event(name, found[0].channels, t, intervals.mean(sim), len(found), published.times.get(name)))
+        name = found[0].words or id
+        rows.append(Event(name, found[0].channels, t, intervals.mean(sim), len(found), published.times.get(id)))
     rows.sort(key=lambda row: row.t.value if row.t else 0.0)
-    missing = (Event(name, (), None, None, 0, at) for name, at in published.times.items() if name not in names)
+    lacking = ((published.events.get(id, id), at) for id, at in published.times.items() if id not in ids)
+    missing = (Event(name, (), None, None, 0, at) for name, at in lacking)
     return (*rows, *missing)
 
 

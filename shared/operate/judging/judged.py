@@ -4,13 +4,14 @@ The same for the traffic as it goes by and for a recording afterwards. Must not 
 """
 
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import msgspec
 
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
-from operate.recording.records import SETTING, Garbage, House, Record, Resumed, Spoken, Token
+from operate.recording.records import SETTING, Garbage, House, Origin, Record, Spoken, Token, Unpaired
 from operate.run_folder import Again, AgentIn, Judged, LiveLine, Sent
 from operate.system import System
 from operate.verdict_lines import line
@@ -20,6 +21,8 @@ from topdown.model.design import Design
 
 HISTORY_S = 0.5
 """A token heard sooner after the recorder began may be of an agent that lived before; estimate: they come in ms."""
+NAMED = ("sender", "receiver", "protocol", "performative", "conversation", "id")
+"""Fields by which a verdict names a communicate."""
 SYSTEM = "recorded"
 """Stands in the keys of records, which do not keep the system's name."""
 
@@ -36,8 +39,12 @@ class Judging:
     def lines(self, record: Record) -> Iterator[Judged]:
         """The verdicts that a record brings: its own, and those of earlier ones that it explains or time decides."""
         self._last = max(self._last, record.received)
+        if isinstance(record, Unpaired):
+            yield self._unpaired(record)
         for judgement in self._heard(record):
             yield line(judgement, self._system)
+        if isinstance(record, Spoken) and record.origin is Origin.SENDER:
+            yield from self._not_taken(record)
 
     def pass_time(self, now: float) -> Iterator[Judged]:
         """It is `now` [unix s]: what waited in vain."""
@@ -52,26 +59,45 @@ class Judging:
     def _heard(self, record: Record) -> tuple[Judgement, ...]:
         at = record.received
         match record:
+            case Spoken(lost=True):
+                return self._judge.hear(key_of(record, self._key), record.communicate, at, record.size, (None, None))
             case Spoken():
-                return self._judge.hear(key_of(record, self._key), record.wire, at, log=record.log)
+                return self._judge.hear(key_of(record, self._key), record.wire, at)
             case Garbage(data=b"", log=log) if log:
-                return self._judge.noted(record.key, record.reason, at, log)
+                return self._judge.noted(record.key, record.reason, at)
             case Garbage():
-                return self._judge.hear(record.key, record.data, at, record.size, log=record.log)
+                return self._judge.hear(record.key, record.data, at, record.size)
             case Token(alive=True):
-                fresh = self._began is not None and at > self._began + HISTORY_S
+                fresh = record.noted or (self._began is not None and at > self._began + HISTORY_S)
                 return self._judge.lived(record.agent, record.incarnation, at, fresh=fresh, journal=record.journal)
             case House(kind=kind) if kind == SETTING:
                 self._began = at
-            case Resumed(since=since, sender=sender):
-                return self._judge.deaf(since, at, sender)
         return self._judge.pass_time(at)
 
+    def _not_taken(self, one: Spoken) -> Iterator[Judged]:
+        """Whoever is of another design keeps no log, and may have taken it."""
+        if one.receiver in self._system.design.agents:
+            why = f"{one.receiver} did not take it: it was down, frozen or out of reach"
+            yield _about(
+                one, Verdict.NOT_TAKEN, why, t=one.received, bytes=one.size, channel=one.channel, language=one.language
+            )
 
-def key_of(one: Spoken | Sent, form: str) -> str:
-    """The key a recorded communicate was put on, of the system SYSTEM; `form`: how the design writes keys."""
+    def _unpaired(self, one: Unpaired) -> Judged:
+        rule = self._system.design.rules.get((one.sender, one.receiver, one.protocol, Performative(one.performative)))
+        verdict, channel = Verdict.ALTERED if one.altered else Verdict.NOT_SAID, "" if rule is None else rule.channel
+        return _about(one, verdict, one.why, t=one.received, bytes=0, channel=channel, violation=True)
+
+
+def _about(one: Spoken | Sent | Unpaired, verdict: Verdict, why: str, **more: Any) -> Judged:
+    """A verdict that is not the judge's about a communicate; `more`: further fields."""
+    parts: dict[str, Any] = {name: getattr(one, name) for name in NAMED}
+    return Judged(verdict=verdict, why=why, **parts, **more)
+
+
+def key_of(one: Spoken | Sent, form: str, system: str = SYSTEM) -> str:
+    """The key a recorded communicate was put on; `form`: how the design writes keys."""
     return form.format(
-        system=SYSTEM,
+        system=system,
         channel=one.channel,
         sender=one.sender,
         receiver=one.receiver,
@@ -115,19 +141,9 @@ def of_live(lines: Iterable[LiveLine], design: Design) -> tuple[Judged, ...]:
 
 def _mute(one: Sent) -> Judged:
     """A line of a version that says neither ids nor labels cannot be followed."""
-    return Judged(
-        t=one.t,
-        verdict=Verdict.NOT_JUDGED,
-        bytes=one.bytes,
-        channel=one.channel,
-        sender=one.sender,
-        receiver=one.receiver,
-        protocol=one.protocol,
-        performative=one.performative,
-        conversation=one.conversation,
-        language=one.language,
-        why="its line is of a version that says too little",
-    )
+    why = "its line is of a version that says too little"
+    more = {"t": one.t, "bytes": one.bytes, "channel": one.channel, "language": one.language}
+    return _about(one, Verdict.NOT_JUDGED, why, **more)
 
 
 def _of_sent(one: Sent, design: Design) -> tuple[str, Communicate, tuple[str, Kind]]:

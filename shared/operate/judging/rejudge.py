@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from operate.judging import judged
-from operate.recording import filled
+from operate.recording import reading
 from operate.run_folder import LIVE_FILE, TRAFFIC_FILE, Judged, LiveLine
 from operate.system import System
 
@@ -19,7 +19,7 @@ def judge(file: Path, system: System) -> tuple[Judged, ...]:
         file /= LIVE_FILE
     if file.suffix == ".jsonl" and file.is_file():
         return judged.of_live(_live(file), system.design)
-    return judged.of_records(filled.of(file, system).known, system)
+    return judged.of_records(reading.of(file, system).records, system)
 
 
 def _live(file: Path) -> list[LiveLine]:

@@ -1,5 +1,6 @@
-"""`python -m operate.pictures RUN_DIR BIND GRPC_PORT WEB_PORT`: started by the monitor, which feeds it."""
+"""`python -m operate.pictures RUN_DIR GRPC WEB`: started by the monitor, which feeds it, when a viewer connects."""
 
+import socket
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -8,18 +9,17 @@ import typer
 
 from operate.pictures import child
 from operate.pictures.server import ServerError
-from operate.pictures.viewer_address import Place
 
 
 def main(
     run: Annotated[Path, typer.Argument(help="The run's folder.")],
-    bind: Annotated[str, typer.Argument(help="The address that Rerun's server listens at.")],
-    grpc: Annotated[int, typer.Argument(help="Port for viewers.")],
-    web: Annotated[int, typer.Argument(help="Port of the page.")],
+    grpc: Annotated[int, typer.Argument(help="File descriptor of the socket at which viewers connect.")],
+    web: Annotated[int, typer.Argument(help="That of the page.")],
 ) -> None:
     """Draw for Rerun what the monitor feeds on standard input; the monitor starts this."""
     try:
-        raise typer.Exit(child.main(run, Place(bind, grpc, web), sys.stdin.fileno()))
+        ports = socket.socket(fileno=grpc), socket.socket(fileno=web)
+        raise typer.Exit(child.main(run, ports, sys.stdin.fileno()))
     except (ServerError, child.OverLimit) as error:
         sys.exit(str(error))
 

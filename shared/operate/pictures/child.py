@@ -1,24 +1,29 @@
 """The process that draws: reads what the monitor hears from its standard input, and logs it to a Rerun server.
 
-The server is Rerun's own, a child of this process: it serves viewers (gRPC) and the web viewer's page. Both have a
-limit of memory: beyond it they end, and the monitor restarts them. Nobody waits for this process.
+What was before that it reads from the recording. The server is Rerun's own, a child of this process: it serves viewers
+(gRPC) and the web viewer's page, whose connections this process passes on. Both have a limit of memory: beyond it they
+end, and the next viewer has the monitor start them again. Nobody waits for this process; it ends when nobody looks.
 """
 
 import os
 import select
 import signal
+import socket
 import time
 from pathlib import Path
 
 import rerun as rr
 
-from operate.pictures import viewer_address, wire
+from operate.pictures import wire
 from operate.pictures.blueprint import LIVE_S, YOUNG
 from operate.pictures.file import NAME, laid_out
+from operate.pictures.forward import Forward
 from operate.pictures.happenings import Happening, Lost, Reader
+from operate.pictures.past import Past
 from operate.pictures.server import Server, rss_mb
 from operate.pictures.sheet import Sheet
 from operate.pictures.stage import Stage
+from operate.pictures.viewer_address import LOOPBACK, Place, free_port
 from operate.recording.records import Spoken, understood
 from operate.system import System, here
 
@@ -30,8 +35,14 @@ take."""
 EARLY = 600
 """Happenings that wait for the first communicate; estimate: half a minute of telemetry and truth."""
 READ_BYTES = 256 * 1024
+FLUSH_EVERY = 2000
+"""Happenings of the past between two flushes; estimate: some seconds of a pour, 10 MB."""
 NICENESS = 10
 """The fleet comes first."""
+QUIET_S = 60.0
+"""After the last viewer has left it ends; estimate: who reloads a page is back by then."""
+Ports = tuple[socket.socket, socket.socket]
+"""Those of viewers and of the page, which listen."""
 
 
 class OverLimit(MemoryError):
@@ -42,20 +53,23 @@ class OverLimit(MemoryError):
 
 
 class Child:
-    """Draws what it reads until the pipe ends."""
+    """Draws what it reads until the pipe ends or nobody looks."""
 
-    def __init__(self, run: Path, place: viewer_address.Place, system: System) -> None:
-        self._system = system
-        self._server = Server(run, place)
+    def __init__(self, run: Path, ports: Ports, system: System) -> None:
+        self._run, self._system = run, system
+        bind = ports[0].getsockname()[0]
+        self._server = Server(run, Place(bind, free_port(LOOPBACK), free_port(LOOPBACK)))
+        place = self._server.place
+        self._viewers = [Forward(*one) for one in zip(ports, (place.grpc, place.web), strict=True)]
+        self._past = Past()
         self._reader = Reader(system)
         self._stage: Stage | None = None
         self._early: list[Happening] = []
         self._idle, self._young = True, False
         self._out = rr.RecordingStream(NAME, recording_id=f"{NAME}-live-{time.time():.3f}")
-        viewer_address.tell(run, place)
 
     def serve(self, pipe: int) -> int:
-        """Draw what comes through this file descriptor. 0: it ended. Raises OverLimit, ServerError."""
+        """Draw what comes through this file descriptor. 0: it ended, or nobody looks. Raises OverLimit, ServerError."""
         frames, flushed = wire.Frames(), time.monotonic()
         while True:
             if select.select([pipe], [], [], FLUSH_S)[0]:
@@ -67,6 +81,8 @@ class Child:
             if time.monotonic() - flushed > FLUSH_S:
                 self._flush()
                 flushed = time.monotonic()
+                if all(one.quiet_s > QUIET_S for one in self._viewers):
+                    return 0
 
     def close(self) -> None:
         """End the server."""
@@ -75,13 +91,23 @@ class Child:
     def _take(self, item: wire.Item) -> None:
         self._idle = False
         match item:
-            case wire.Heard(sample=sample):
+            case wire.Since(at=at):
+                self._recall(at)
+            case wire.Heard(sample=sample) if not self._past.has(sample.at):
                 for happening in self._reader.read(understood(sample, self._system)):
                     self._draw(happening)
-            case wire.Said(judged=judged):
+            case wire.Said(judged=judged) if not self._past.judged(judged):
                 self._draw(Happening(judged.t, judged))
             case wire.Missed(at=at, samples=count):
                 self._draw(Happening(at, Lost(count)))
+
+    def _recall(self, at: float) -> None:
+        """Draw what the recording has of the time before `at` [unix s]."""
+        self._past = Past(at)
+        for count, happening in enumerate(self._past.read(self._run, self._system, self._reader), 1):
+            self._draw(happening)
+            if count % FLUSH_EVERY == 0:
+                self._flush()
 
     def _draw(self, happening: Happening) -> None:
         """Keep records from before the first communicate until it is there: time begins with it."""
@@ -115,11 +141,11 @@ class Child:
         self._server.check()
 
 
-def main(run: Path, place: viewer_address.Place, pipe: int) -> int:
+def main(run: Path, ports: Ports, pipe: int) -> int:
     """Draw and serve."""
     os.nice(max(0, NICENESS - os.nice(0)))  # who started it may have given way already
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the monitor, which ends the pipe
-    child = Child(run, place, here())
+    child = Child(run, ports, here())
     try:
         return child.serve(pipe)
     finally:

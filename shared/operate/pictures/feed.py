@@ -1,31 +1,39 @@
-"""The monitor's end: a bounded queue, a thread, and a child that draws. Whatever becomes of them, the recorder goes on.
+"""The monitor's end: the ports of the pictures, a bounded queue, a thread, and a child that draws once somebody looks.
 
-`put` never waits: what finds no room drives out what is oldest, and is counted. The thread writes to the child's pipe;
-it alone waits for a child that is slow or frozen, and starts a new one, after a growing pause, where one has died.
+Until then nothing is drawn. What was heard in the last seconds is kept; what was before it, the child reads from the
+recording. `put` never waits: what finds no room drives out what is oldest, and is counted. The thread writes to the
+child's pipe; it alone waits for a child that is slow or frozen. Where one has died, the next viewer has a new one
+started, after a growing pause.
 """
 
 import importlib.util
 import os
+import select
+import socket
 import subprocess
 import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
 from agent_runtime.io.tap import Sample
-from operate.pictures.viewer_address import SWITCH, Place, wanted
-from operate.pictures.wire import Heard, Item, Missed, Said, encode, framed
+from operate.pictures.viewer_address import SWITCH, Place, opened, tell, wanted
+from operate.pictures.wire import Heard, Item, Missed, Said, Since, encode, framed
 from operate.run_folder import Judged
 from operate.system import System
 
 QUEUE_BYTES = 8 * 1024 * 1024
 """Waits at most for the child; estimate: a minute of a pour. Beside it, one batch of at most BATCH_BYTES is written."""
 BATCH_BYTES = 1024 * 1024
-OVERHEAD = 100
-"""Bytes that Python needs beside those of an item (bytes object and its place in the queue), rounded up."""
+OVERHEAD, SAID_BYTES = 500, 500
+"""Bytes that Python needs beside those of an item, and for a verdict without its texts; estimates, rounded up."""
+RECENT_S = 5.0
+"""Kept while nobody looks [s]: what is older is on the disk, where the child reads it (estimate: the recorder hands all
+to the disk each 0.1 s)."""
 PERIOD_S = 0.05
 """Between two writes: the thread wakes for many samples at once. Estimate: an eye does not see it."""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 30.0
@@ -36,46 +44,63 @@ Say = Callable[..., None]
 
 
 class Queue:
-    """Encoded items that wait for the child, at most `most` bytes of them with their overhead."""
+    """Items that wait for the child, at most `most` bytes of them with their overhead."""
 
     def __init__(self, most: int = QUEUE_BYTES) -> None:
-        self._most, self._items = most, deque[bytes]()
+        self._most, self._items = most, deque[tuple[float, Item, int]]()
         self._lock = threading.Lock()
         self.bytes = 0
         self.dropped = 0
 
-    def put(self, item: bytes) -> None:
-        """Add an item; the oldest ones make room for it, and one that is larger than all room is dropped itself."""
+    def put(self, item: Item, size: int) -> None:
+        """Add an item of so many bytes; the oldest ones make room, and one larger than all room is dropped itself."""
         with self._lock:
-            self._items.append(item)
-            self.bytes += len(item) + OVERHEAD
+            self._items.append((time.monotonic(), item, size + OVERHEAD))
+            self.bytes += size + OVERHEAD
             while self.bytes > self._most:
-                self.bytes -= len(self._items.popleft()) + OVERHEAD
+                self._remove()
                 self.dropped += 1
 
-    def take(self, most: int = BATCH_BYTES) -> list[bytes]:
+    def take(self, most: int = BATCH_BYTES) -> list[Item]:
         """Return the oldest items of at most this many bytes, at least one if there is one."""
-        taken: list[bytes] = []
+        taken: list[Item] = []
         size = 0
         with self._lock:
-            while self._items and (not taken or size + len(self._items[0]) <= most):
-                item = self._items.popleft()
-                self.bytes -= len(item) + OVERHEAD
-                size += len(item)
-                taken.append(item)
+            while self._items and (not taken or size + self._items[0][2] <= most):
+                size += self._items[0][2]
+                taken.append(self._remove())
         return taken
+
+    def forget(self, older_s: float) -> None:
+        """Remove what was put longer ago than this [s]; it does not count as dropped."""
+        before = time.monotonic() - older_s
+        with self._lock:
+            while self._items and self._items[0][0] < before:
+                self._remove()
+
+    @property
+    def since(self) -> float:
+        """When the oldest sample that waits was heard [unix s]; now where there is none."""
+        with self._lock:
+            return next((item.sample.at for _, item, _ in self._items if isinstance(item, Heard)), time.time())
+
+    def _remove(self) -> Item:
+        _, item, size = self._items.popleft()
+        self.bytes -= size
+        return item
 
 
 class Feed:
-    """Feeds a child that draws a run in `run`, served at `place`."""
+    """Has a run in `run` drawn and served at `place` as long as somebody looks."""
 
     def __init__(self, run: Path, place: Place, system: System, say: Say, *, command: tuple[str, ...] = ()) -> None:
         """`command`: another program than the child (tests)."""
         self._queue = Queue()
-        self._command = command or (sys.executable, "-P", "-m", "operate.pictures", str(run), *place.words)
-        self._run, self._say = run, say
+        self._command = command or (sys.executable, "-P", "-m", "operate.pictures", str(run))
+        self._run, self._place, self._say = run, place, say
         self._environment = _environment() | system.environment(run)
-        self._over = threading.Event()
+        self._over, self._looking = threading.Event(), False
+        self._woken, self._wake = socket.socketpair()
         self._child: subprocess.Popen[bytes] | None = None
         self._told = 0
         self._thread = threading.Thread(target=self._serve, name="feed", daemon=True)
@@ -94,15 +119,16 @@ class Feed:
 
     def heard(self, sample: Sample) -> None:
         """Show a sample. Never waits."""
-        self._put(Heard(sample))
+        self._put(Heard(sample), len(sample.key) + len(sample.data))
 
     def said(self, judged: Judged) -> None:
         """Show a verdict. Never waits."""
-        self._put(Said(judged))
+        self._put(Said(judged), SAID_BYTES + len(judged.text) + len(judged.why) + len(judged.key))
 
     def close(self) -> None:
         """End the child, in order where it follows, else by kill."""
         self._over.set()
+        self._wake.send(b"!")
         child = self._child
         if child is not None and child.poll() is None:
             child.terminate()
@@ -112,43 +138,92 @@ class Feed:
                 child.kill()
                 child.wait()
         self._thread.join(timeout=END_S)
+        for end in (self._woken, self._wake):
+            end.close()
 
-    def _put(self, item: Item) -> None:
-        self._queue.put(encode(item))
+    def _put(self, item: Item, size: int) -> None:
+        self._queue.put(item, size)
+        if not self._looking:
+            self._queue.forget(RECENT_S)
 
     def _serve(self) -> None:
         pause = FIRST_PAUSE_S
         while not self._over.is_set():
+            try:
+                with self._ports() as ports:
+                    self._serve_at(ports)
+            except OSError as error:  # another program has one of them
+                self._tell_end(error)
+                self._over.wait(pause)
+                pause = min(2 * pause, LONGEST_PAUSE_S)
+
+    def _serve_at(self, ports: tuple[socket.socket, socket.socket]) -> None:
+        pause = FIRST_PAUSE_S
+        while self._asked(ports):
             began = time.monotonic()
             try:
-                self._start()
-                self._write()
+                self._show(ports)
             except OSError as error:  # the pipe broke: the child is gone; or no process could be made
                 self._tell_end(error)
             pause = FIRST_PAUSE_S if time.monotonic() - began > LONGEST_PAUSE_S else min(2 * pause, LONGEST_PAUSE_S)
             self._over.wait(pause)
 
-    def _start(self) -> None:
+    @contextmanager
+    def _ports(self) -> Iterator[tuple[socket.socket, socket.socket]]:
+        """Hold both ports open, and tell where they are. Raises OSError where they cannot be had."""
+        place = self._place
+        with opened(place.bind, place.grpc) as grpc, opened(place.bind, place.web) as web:
+            tell(self._run, place)
+            yield grpc, web
+
+    def _asked(self, ports: tuple[socket.socket, socket.socket]) -> bool:
+        """Wait until somebody connects; return False where the end is asked for first."""
+        return not self._over.is_set() and self._woken not in select.select([*ports, self._woken], [], [])[0]
+
+    def _show(self, ports: tuple[socket.socket, socket.socket]) -> None:
+        """Have the child draw until nobody looks any more. Raises OSError where it ends otherwise."""
+        self._looking = True
+        try:
+            self._start(ports)
+            self._write()
+        finally:
+            self._looking = False
+
+    def _start(self, ports: tuple[socket.socket, socket.socket]) -> None:
+        files = [port.fileno() for port in ports]
         with (self._run / "rerun.log").open("ab") as log:
             self._child = subprocess.Popen(
-                self._command, stdin=subprocess.PIPE, stdout=log, stderr=log, bufsize=0, env=self._environment
+                (*self._command, *map(str, files)),
+                pass_fds=files,
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=log,
+                bufsize=0,
+                env=self._environment,
             )
         self._say("showing", pid=self._child.pid)
 
     def _write(self) -> None:
-        """Write until the end is asked for, or the pipe breaks (OSError)."""
+        """Write until the end is asked for, nobody looks, or the pipe breaks (OSError)."""
         child = self._child
         assert child is not None
         assert child.stdin is not None
         with child.stdin as pipe:
-            while not self._over.wait(PERIOD_S):
+            _write_all(pipe.fileno(), framed(encode(Since(self._queue.since))))
+            over = False
+            while not over:
+                over = self._over.wait(PERIOD_S)  # at the end, what still waits is written once more
+                if child.poll() == 0:
+                    self._say("nobody looks")
+                    return
                 if child.poll() is not None:
                     raise BrokenPipeError(f"it ended with code {child.returncode}")
-                while items := self._queue.take():
-                    _write_all(pipe.fileno(), b"".join(framed(item) for item in items))
+                with suppress(BrokenPipeError):  # how it ended shows at the next turn
+                    while items := self._queue.take():
+                        _write_all(pipe.fileno(), b"".join(framed(encode(item)) for item in items))
                 if self._queue.dropped > self._told:
                     self._told = self._queue.dropped
-                    self._put(Missed(time.time(), self._told))
+                    self._put(Missed(time.time(), self._told), 0)
 
     def _tell_end(self, error: OSError) -> None:
         if not self._over.is_set():

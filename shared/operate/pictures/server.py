@@ -17,7 +17,7 @@ from pathlib import Path
 
 import rerun_cli  # type: ignore[import-untyped]
 
-from operate.pictures.viewer_address import EVERY_INTERFACE, GRPC, LOOPBACK, WEB, Place
+from operate.pictures.viewer_address import EVERY_INTERFACE, LOOPBACK, Place
 
 PROGRAM = Path(rerun_cli.__file__).with_name("rerun")
 KEPT = "256MiB"
@@ -35,12 +35,11 @@ class ServerError(RuntimeError):
 
 
 class Server:
-    """A running server."""
+    """A running server at `place`."""
 
     def __init__(self, run: Path, place: Place) -> None:
         """Waits until it listens. Raises ServerError."""
-        for port in (place.grpc, place.web):
-            _free(place.bind, port)
+        self.place = place
         self.url = f"rerun+http://{LOOPBACK}:{place.grpc}/proxy"
         self._process = subprocess.Popen(
             _command(place),
@@ -73,17 +72,6 @@ class Server:
                     return
             time.sleep(0.05)
         raise ServerError(f"Rerun's server does not listen at port {port} after {READY_S:.0f} s; see rerun.log")
-
-
-def _free(bind: str, port: int) -> None:
-    """Raise ServerError where another program has the port: its answers would be taken for those of the server."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((bind, port))
-        except OSError as error:
-            words = f"no pictures: {bind}:{port} cannot be listened at: {error.strerror}; {GRPC} and {WEB} name others"
-            raise ServerError(words) from error
 
 
 def _command(place: Place) -> tuple[str, ...]:

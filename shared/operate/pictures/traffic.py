@@ -33,9 +33,7 @@ class Log:
                 level = LEVELS.get(Verdict(one.verdict), "ERROR")
                 what = _line(one.sender, one.receiver, one.performative, one.text, one.bytes) if one.sender else one.key
                 why = f"  {one.verdict.upper()}: {one.why}" if level not in ("INFO", "DEBUG") else ""
-                missed = f"  not recorded: from {one.log}'s step log" if one.log else ""
-                level = "WARN" if one.log and not one.violation else level
-                self._add(happening.at, one.channel, what + why + missed, level)
+                self._add(happening.at, one.channel, what + why, level)
             case Lost(samples=count):
                 self._add(
                     happening.at, "", f"drawing is too slow: {count} samples not shown (they are recorded)", "WARN"

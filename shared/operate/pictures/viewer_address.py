@@ -28,11 +28,6 @@ class Place(msgspec.Struct, frozen=True):
     grpc: int
     web: int
 
-    @property
-    def words(self) -> tuple[str, ...]:
-        """As arguments of the child."""
-        return self.bind, str(self.grpc), str(self.web)
-
 
 def wanted(environment: Mapping[str, str], number: int = 0) -> Place | None:
     """The place that the environment asks for; None: it asks for no pictures. Ports of 0 become free ones.
@@ -47,6 +42,20 @@ def wanted(environment: Mapping[str, str], number: int = 0) -> Place | None:
     bind = environment.get(BIND) or LOOPBACK
     grpc, web = (_port(environment, name) for name in (GRPC, WEB))
     return Place(bind, grpc + number if grpc else free_port(bind), web + number if web else free_port(bind))
+
+
+def opened(bind: str, port: int) -> socket.socket:
+    """Return a socket that listens there. Raise OSError where another program does."""
+    listener = socket.socket()
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((bind, port))
+        listener.listen()
+    except OSError as error:
+        listener.close()
+        words = f"no pictures: {bind}:{port} cannot be listened at: {error.strerror}; {GRPC} and {WEB} name others"
+        raise OSError(error.errno, words) from error
+    return listener
 
 
 def tell(run: Path, place: Place) -> None:

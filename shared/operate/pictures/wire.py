@@ -29,7 +29,13 @@ class Missed(msgspec.Struct, frozen=True, tag="m"):
     samples: int
 
 
-Item = Heard | Said | Missed
+class Since(msgspec.Struct, frozen=True, tag="b"):
+    """The first item: what was heard before `at` [unix s] is in the recording only."""
+
+    at: float
+
+
+Item = Heard | Said | Missed | Since
 encode = msgspec.msgpack.Encoder().encode
 _decode = msgspec.msgpack.Decoder(Item).decode
 

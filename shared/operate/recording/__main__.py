@@ -12,15 +12,14 @@ import typer
 
 from agent_runtime.io import cli
 from agent_runtime.io.logs import Log
-from agent_runtime.io.options import USAGE_ERROR, Options
-from agent_runtime.io.tap import RECORDER
+from agent_runtime.io.options import USAGE_ERROR
 from operate.experiments.verbs import again, compare, experiment, export, invariants
 from operate.recording.recorder import serve
 from operate.recording.stored import NoRecordingError
 from operate.run_folder import TRAFFIC_FILE
 from operate.system import NoSystemError, here, languages_at, of_design, of_run
 
-TEXT = "The recorder: taps all traffic into traffic.mcap. `report RUN_DIR` makes the report of a run folder again."
+TEXT = "The recorder: writes all traffic into traffic.mcap. `report RUN_DIR` makes the report of a run folder again."
 
 
 def report(run_dir: Annotated[Path, typer.Argument(help="A run folder with traffic.mcap or steps/.")]) -> None:
@@ -119,25 +118,16 @@ def repair(file: Annotated[Path, typer.Argument(help="A run folder or a recordin
 
 def record(
     out: Annotated[Path, typer.Argument(help="The recording to be made.")],
-    connect: Annotated[str, typer.Option(help="The router's endpoint.")] = "",
-    run_dir: Annotated[Path, typer.Option(help="The run's folder.")] = Path(),
-    system: Annotated[str, typer.Option(help="Prefix of every key.")] = "roco",
-    keys: Annotated[Path | None, typer.Option(help="Folder of keys.")] = None,
-    identity: Annotated[str, typer.Option(help="Whose certificate is shown.")] = RECORDER,
-    heard: Annotated[bool, typer.Option(help="Standard input has what `hear` prints; no router is asked.")] = False,
     which: Annotated[str, typer.Option(help="An operate.filters.Filter, in JSON.")] = "{}",
     count: Annotated[int, typer.Option(help="End after this many communicates.")] = 0,
     seconds: Annotated[float, typer.Option(help="End after so long.")] = 0.0,
 ) -> None:
-    """Record a running fleet beside its own recorder, until SIGINT. Exits with 3 where no router answers."""
+    """Record what `hear` prints, from standard input, until it ends or SIGINT."""
     from operate.filters import Filter
     from operate.recording import side_recording
 
     asked = side_recording.Asked(out, msgspec.json.decode(which, type=Filter), count, seconds)
-    if heard:
-        raise typer.Exit(side_recording.serve_heard(here(), asked))
-    options = Options(connect=connect, system=system, run_dir=run_dir, keys=keys)
-    raise typer.Exit(side_recording.serve(options, here(), asked, identity))
+    side_recording.serve(here(), asked)
 
 
 def replayed(folder: Annotated[Path, typer.Argument(help="The folder of a replay.")]) -> None:
@@ -172,7 +162,7 @@ def main() -> None:
     if sys.argv[1:2] == ["hear"]:
         from operate.recording import hear
 
-        cli.app("monitor hear", str(hear.__doc__), lambda options: hear.serve(options, here().design))(sys.argv[2:])
+        cli.app("monitor hear", str(hear.__doc__), lambda options: hear.serve(options, here()))(sys.argv[2:])
     elif sys.argv[1:2] and sys.argv[1] in VERBS:
         app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
         app.command()(VERBS[sys.argv[1]])

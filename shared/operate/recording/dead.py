@@ -1,12 +1,12 @@
 """Dead letters of a run: communicates that nobody took, each with the reason.
 
-From the recording, filled from the step logs: what the design does not have, what was no communicate, questions that
-never reached their receiver. From the agents' logs: what a receiver turned away. From their journals: durable words
-that were never taken. All of it outlives restarts. Must not know: who looks at them.
+From the step logs: what the design does not have, what was no communicate, questions that never reached their receiver.
+From the agents' logs: what a receiver turned away. From their journals: durable words that were never taken. All of it
+outlives restarts. Must not know: who looks at them.
 """
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,9 @@ from agent_runtime.core.state import Outgoing
 from agent_runtime.io import journal_format
 from fipa_codec.communicate import Communicate, decode_strictly, encode
 from fipa_codec.errors import FipaError
-from operate.recording import filled
-from operate.recording.records import Garbage, Spoken
+from operate.recording import reading
+from operate.recording.mcap_file import Read
+from operate.recording.records import Garbage, Origin, Spoken
 from operate.run_folder import Dead, DeadLetter
 from operate.system import System
 
@@ -62,18 +63,18 @@ _line, _kept = msgspec.json.Decoder(_Line), msgspec.msgpack.Decoder(_Kept)
 def of_run(run: Path, system: System, now: float | None = None) -> list[DeadLetter]:
     """Return the dead letters of a run folder, in the order of time; at `now` [unix s], else at present."""
     now = time.time() if now is None else now
-    heard = filled.of_run(run, system)
+    heard = reading.of_run(run, system)
     said = {one.identity: one for one in heard.records if isinstance(one, Spoken)}
     found = [
         *_unfit(heard, system),
-        *_not_heard(heard, said.values(), system, now),
+        *_not_heard(heard, system, now),
         *_turned_away(run, said),
         *_not_receipted(run, system, now),
     ]
     return sorted(found, key=lambda one: one.t)
 
 
-def _unfit(heard: filled.Filled, system: System) -> Iterator[DeadLetter]:
+def _unfit(heard: Read, system: System) -> Iterator[DeadLetter]:
     """Yield communicates that the design does not have, and samples that are not communicates."""
     for record in heard.records:
         if not isinstance(record, Garbage):
@@ -88,15 +89,15 @@ def _unfit(heard: filled.Filled, system: System) -> Iterator[DeadLetter]:
         yield _letter(one, record.received, reason, record.reason, record.size)
 
 
-def _not_heard(heard: filled.Filled, said: Iterable[Spoken], system: System, now: float) -> Iterator[DeadLetter]:
-    """Volatile ones that went by, and are not in the step log of their receiver. Of observations the newest counts."""
-    for one in said:
-        rule, there = system.design.rule(one.communicate), heard.hearing.get(one.receiver)
-        reached = there is None or one.identity in there.said
-        if rule.durable or "@" in one.id or reached or now - one.received < ON_ITS_WAY_S:
+def _not_heard(heard: Read, system: System, now: float) -> Iterator[DeadLetter]:
+    """Volatile ones that only their sender's log has. Of observations the newest counts."""
+    for one in heard.records:
+        if not isinstance(one, Spoken) or one.origin is not Origin.SENDER or one.receiver not in system.design.agents:
             continue
-        why = f"it went by, but did not reach {one.receiver}, which was down or out of reach"
-        yield _letter(one.communicate, one.received, Dead.NOT_HEARD, why, one.size, one.text)
+        rule = system.design.rule(one.communicate)
+        if not rule.durable and "@" not in one.id and now - one.received >= ON_ITS_WAY_S:
+            why = f"it did not reach {one.receiver}, which was down or out of reach"
+            yield _letter(one.communicate, one.received, Dead.NOT_HEARD, why, one.size, one.text)
 
 
 def _turned_away(run: Path, said: Mapping[tuple[str, str, str], Spoken]) -> Iterator[DeadLetter]:

@@ -1,20 +1,20 @@
-"""Times at which an agent heard something, by its own step log: a latency ends when the asker hears the answer.
+"""Times at which agents heard something, by their own step logs: a latency ends when the asker hears the answer.
 
 Times are those of the agent's clock (agent_runtime.io.clock), which is also that of what it says. It is even within a
 life; of two lives, or of two hosts, clocks may differ. So both ends of a span are times of one life of one agent.
 Must not know: which spans are wanted.
 """
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 
 import msgspec
 
 from agent_runtime.core.effects import Receipt
 from fipa_codec.communicate import UNREADABLE
-from operate.recording.records import House, Record, Spoken, Token
+from operate.recording.records import House, Identity, Origin, Record, Spoken, Token
 
 RECEIPT = "receipt"
-Identity = tuple[str, str, str]
 
 
 class Told(msgspec.Struct, frozen=True):
@@ -26,24 +26,14 @@ class Told(msgspec.Struct, frozen=True):
     receipt: Receipt
 
 
-class Took(msgspec.Struct, frozen=True):
-    """The time that an agent waited [s]; `by_sender`: from its sending to its hearing, else as the recorder heard."""
-
-    s: float
-    by_sender: bool = False
-
-
 class Hearing(msgspec.Struct, frozen=True):
-    """Of one agent. `said`: communicate -> when it came first; `receipts`: in the order of the log; `lives`: when each
-    began.
-    """
+    """Of one agent. `said`: communicate -> when it took it first; `lives`: when each began [unix s]."""
 
-    said: dict[Identity, float] = {}
-    receipts: tuple[Told, ...] = ()
+    said: dict[Identity, float]
     lives: tuple[float, ...] = ()
 
     def after(self, sent: float, at: float | None) -> float | None:
-        """Return how long after the agent said something, at `sent`, it heard something, at `at`.
+        """Return how long after the agent said something, at `sent`, it heard something, at `at` [s].
 
         None where it did not, or where both times are not of one life.
         """
@@ -52,15 +42,17 @@ class Hearing(msgspec.Struct, frozen=True):
         return at - sent
 
 
-def of(log: Iterable[Record]) -> Hearing:
-    """Return what an agent heard, from the records of its step log (operate.recording.noted)."""
-    noted = tuple(log)
-    said: dict[Identity, float] = {}
-    for one in noted:
-        if isinstance(one, Spoken):
-            said.setdefault(one.identity, one.received)
-    lives = tuple(one.received for one in noted if isinstance(one, Token))
-    return Hearing(said, tuple(receipts(one for one in noted if isinstance(one, House))), lives)
+def of(records: Iterable[Record]) -> dict[str, Hearing]:
+    """Return what each agent heard, and when."""
+    said: defaultdict[str, dict[Identity, float]] = defaultdict(dict)
+    lives: defaultdict[str, list[float]] = defaultdict(list)
+    for one in records:
+        match one:
+            case Spoken(origin=Origin.RECEIVER):
+                said[one.receiver].setdefault(one.identity, one.received)
+            case Token(noted=True):
+                lives[one.agent].append(one.received)
+    return {agent: Hearing(said[agent], tuple(lives[agent])) for agent in {*said, *lives}}
 
 
 def receipts(houses: Iterable[House]) -> Iterator[Told]:

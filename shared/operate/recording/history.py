@@ -1,13 +1,11 @@
-"""A run as it was recorded: the monitor's MCAP, filled from the agents' own step logs, with what is missing named.
+"""A run as it was recorded: what was said, heard and told in it, judged, with what nobody took named.
 
-A communicate that only a step log has is taken from there (filled.py); where that happened is a hole in the recording.
 Must not know: what a report wants of it.
 """
 
-from collections import Counter
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +13,12 @@ import msgspec
 
 from fipa_codec.communicate import UNREADABLE
 from operate.fault_lines import done
-from operate.judging.judged import of_records
-from operate.recording import filled
+from operate.judging import judged
+from operate.recording import hearing, reading
 from operate.recording.fault_file import KIND, FaultFile, fault_in
-from operate.recording.hearing import Hearing, Identity, Told, Took, receipts
-from operate.recording.records import SETTING, Garbage, House, Origin, Record, Resumed, Spoken, Token
+from operate.recording.hearing import Hearing, Told, receipts
+from operate.recording.mcap_file import Read
+from operate.recording.records import SETTING, Garbage, House, Origin, Record, Spoken, Token
 from operate.run_folder import FLEET_FILE, Fault, Fleet, Judged, ProcessState, ProcessStatus
 from operate.system import System
 
@@ -55,7 +54,7 @@ class Setting(msgspec.Struct, frozen=True):
 class History(msgspec.Struct, frozen=True):
     """A run. `said`: communicates in the order of time, each once; `copies`: those that were re-sent.
 
-    `hearing`: agent with a step log -> what reached it, and when.
+    `hearing`: agent -> what it took, and when.
     `told`: what came on house keys that the system can read (Additions.telemetry): when it was heard, and what.
     `judged`: what the judge says of it all. `whole`: the recorder ended in order.
     `houses`: how many of each kind of samples that are not communicates. `setting`: as the recorder was told it, None
@@ -84,20 +83,15 @@ class History(msgspec.Struct, frozen=True):
         times = [self.said[0].received] if self.said else [at for at, _ in self.told[:1]]
         return min(times, default=0.0)
 
-    def took(self, question: Spoken, own: float | None, heard: float | None) -> Took | None:
-        """Return the time from a communicate to what came for it: its sender heard that at `own`, the recorder at
-        `heard`. The recorder's counts where the sender's does not tell; None where neither does.
-        """
+    def took(self, question: Spoken, heard: float | None) -> float | None:
+        """Return the time [s] from a communicate to what its sender heard for it, at `heard`; None if not known."""
         sender = self.hearing.get(question.sender)
-        spent = None if sender is None else sender.after(question.sent, own)
-        if spent is not None:
-            return Took(spent, by_sender=True)
-        return Took(heard - question.received) if heard is not None and heard >= question.received else None
+        return None if sender is None else sender.after(question.sent, heard)
 
-    def answered(self, question: Spoken, answer: Spoken) -> Took | None:
-        """Return the time from a question to an answer."""
+    def answered(self, question: Spoken, answer: Spoken) -> float | None:
+        """Return the time [s] from a question to an answer."""
         sender = self.hearing.get(question.sender)
-        return self.took(question, None if sender is None else sender.said.get(answer.identity), answer.received)
+        return None if sender is None else sender.after(question.sent, sender.said.get(answer.identity))
 
 
 class _Beat(msgspec.Struct, frozen=True):
@@ -108,13 +102,13 @@ class _Beat(msgspec.Struct, frozen=True):
 
 
 def load(run: Path, system: System) -> History:
-    """The history of a run folder of this system. What cannot be read is a hole, never an error."""
-    return in_folder(of_filled(filled.of_run(run, system), system), run)
+    """The history of a run folder of this system. What cannot be read is left out, never an error."""
+    return in_folder(read(reading.of_run(run, system), system), run)
 
 
 def of(place: Path, system: System) -> History:
     """The history of a run folder, or of a recording (.mcap) alone. Raise NoRecordingError if it has no record."""
-    past = of_filled(filled.of(place, system), system)
+    past = read(reading.of(place, system), system)
     return in_folder(past, place) if place.is_dir() else past
 
 
@@ -137,84 +131,49 @@ def _down(run: Path) -> tuple[ProcessStatus, ...]:
     return tuple(one for one in told.processes if one.state in NOT_UP and not one.optional)
 
 
-def merged(
-    records: Iterable[Record], logs: Mapping[str, tuple[Record, ...]], system: System, *, whole: bool = True
-) -> History:
-    """The history in these records and logs (agent -> what it noted)."""
-    return of_filled(filled.filled(tuple(records), logs, system, whole=whole), system)
+def read(run: Read, system: System) -> History:
+    """The history in the record of a run."""
+    return of_records(run.records, system, whole=run.whole)
 
 
-def of_filled(run: filled.Filled, system: System) -> History:
-    """The history in a recording that was filled."""
-    spoken = [record for record in run.records if isinstance(record, Spoken)]
-    said, copies = _told_apart(spoken)
-    houses = [record for record in run.records if isinstance(record, House) and record.kind not in (SETTING, KIND)]
+def of_records(records: Iterable[Record], system: System, *, whole: bool = True) -> History:
+    """The history in these records, in the order of time."""
+    records = tuple(records)
+    said, copies = _told_apart([record for record in records if isinstance(record, Spoken)])
+    houses = [record for record in records if isinstance(record, House) and record.kind not in (SETTING, KIND)]
     return History(
         said=said,
         copies=copies,
         receipts=tuple(receipts(houses)),
-        hearing=run.hearing,
+        hearing=hearing.of(records),
         told=tuple(_decoded(houses, system.addition("telemetry") or {})),
-        entered=tuple(_entered(run.records)),
-        garbage=tuple(record for record in run.records if isinstance(record, Garbage)),
+        entered=tuple(_entered(records)),
+        garbage=tuple(record for record in records if isinstance(record, Garbage)),
         houses=dict(Counter(house.kind for house in houses)),
-        holes=(*_unheard(spoken), *_lost(run), *_torn(run.records, run.whole)),
-        judged=of_records(run.known, system),
-        setting=next(_settings(run.records), None),
-        faults=done(fault for record in run.records if (fault := fault_in(record)) is not None),
-        whole=run.whole,
+        holes=(*_not_taken(said, system), *_torn(records, whole)),
+        judged=judged.of_records(records, system),
+        setting=next(_settings(records), None),
+        faults=done(fault for record in records if (fault := fault_in(record)) is not None),
+        whole=whole,
     )
 
 
-def _lost(run: filled.Filled) -> Iterator[Hole]:
-    """Communicates that the recorder heard and the receiver did not step on."""
-    for agent, heard in run.hearing.items():
-        lost = [one for one in run.records if isinstance(one, Spoken) and _is_lost(one, agent, heard.said)]
-        if lost:
-            text = (
-                f"{_count(lost)} to {agent} went by, but {agent}'s step log has them not: lost on the way, or its tail"
-            )
-            yield Hole(lost[0].received, lost[-1].received, len(lost), text)
-
-
-def _is_lost(one: Spoken, agent: str, known: Container[Identity]) -> bool:
-    return one.receiver == agent and one.origin is Origin.TAP and one.identity not in known
-
-
-def _unheard(ordered: list[Spoken]) -> Iterator[Hole]:
-    """Stretches of time in which only step logs have what was said."""
-    for origin, group in groupby(ordered, key=lambda one: one.origin):
-        if origin is Origin.STEPS:
-            stretch = list(group)
-            agents = ", ".join(sorted({one.receiver for one in stretch}))
-            text = f"the recorder did not hear {_count(stretch)}; taken from the step log of {agents}"
-            yield Hole(stretch[0].received, stretch[-1].received, len(stretch), text)
+def _not_taken(said: tuple[Spoken, ...], system: System) -> Iterator[Hole]:
+    """Yield what only senders' logs have, by receiver."""
+    lost: defaultdict[str, list[Spoken]] = defaultdict(list)
+    for one in said:
+        if one.origin is Origin.SENDER and one.receiver in system.design.agents:
+            lost[one.receiver].append(one)
+    for agent, some in lost.items():
+        text = f"{_count(some)} to {agent} reached nobody: it was down, frozen or out of reach, or its log lost its end"
+        yield Hole(some[0].received, some[-1].received, len(some), text)
 
 
 def _torn(records: tuple[Record, ...], whole: bool) -> Iterator[Hole]:
-    """Times in which no monitor lived, or none could hear, or it was too slow."""
-    yield from _missed([one for one in records if isinstance(one, Resumed) and one.sender])
-    for record in records:
-        if isinstance(record, Resumed) and not record.sender:
-            away = f"the recorder was away or cut off for {record.received - record.since:.1f} s"
-            yield Hole(record.since, record.received, 0, f"{away}: only what agents logged is known of that time")
+    """Yield that heartbeats and telemetry may be missing."""
     if not whole:
         end = records[-1].received if records else 0.0
-        yield Hole(end, end, 0, "the recording was not closed in order: what came after its last record is not in it")
-
-
-def _missed(marks: list[Resumed]) -> Iterator[Hole]:
-    """Return one hole for marks that overlap."""
-    stretch: list[Resumed] = []
-    for mark in [*sorted(marks, key=lambda one: one.since), None]:
-        end = max((one.received for one in stretch), default=0.0)
-        if stretch and (mark is None or mark.since > end):
-            who = ", ".join(sorted({one.sender for one in stretch}))
-            slow = f"the recorder was too slow for {end - stretch[0].since:.1f} s"
-            yield Hole(stretch[0].since, end, 0, f"{slow}: of what {who} said then, a part is known from logs only")
-            stretch = []
-        if mark is not None:
-            stretch.append(mark)
+        yield Hole(end, end, 0, "the recorder was killed, or records still: heartbeats and telemetry may end before")
 
 
 def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken, ...]]:

@@ -6,6 +6,7 @@ place, by rename: a reader sees the old one or the new one. Must not know: what 
 
 import fcntl
 import os
+import struct
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -13,13 +14,15 @@ from typing import IO
 import msgspec
 from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, Footer, Header, McapRecord, Message, Metadata, Schema
-from mcap.writer import Writer
+from mcap.writer import MCAP0_MAGIC, Writer
 
 from agent_runtime.io.repair import free_name
 from agent_runtime.io.run_files import replaced
-from operate.recording.last_recording import left
+from fipa_codec.communicate import UNREADABLE
 from operate.recording.stored import RECORD_LIMIT, TORN, NoRecordingError, stored
 
+DATA_END = struct.Struct("<BQI")  # kind of record, bytes behind, checksum (MCAP specification, Data End)
+FOOTER = struct.Struct("<BQQQI")  # kind, bytes behind, begin of the summary, of its offsets, checksum (Footer)
 REPAIRED = "repaired"
 """Name of the metadata in a recording that was not closed in order."""
 
@@ -41,7 +44,7 @@ def repaired(path: Path) -> Written:
     if not path.is_file():
         raise NoRecordingError(path, "is not there")
     try:
-        done = write(path)
+        done, _ = _written(path)
     except BlockingIOError as error:
         closes = "`roco down`, or Ctrl-C at `roco record`, closes it"
         raise NoRecordingError(path, "is being recorded", closes) from error
@@ -50,27 +53,46 @@ def repaired(path: Path) -> Written:
     return done
 
 
-def write(path: Path) -> Written | None:
-    """Write a recording again with an index, if it has none; None, and it stays as it is, where no message can be read.
-
-    Raise OSError, and BlockingIOError while a recorder writes it.
+def write(path: Path) -> int:
+    """Write a recording again with an index, if it has none; return where its messages end [bytes], 0 where there are
+    none. Raise OSError, and BlockingIOError while a recorder writes it.
     """
+    return _written(path)[1]
+
+
+def _written(path: Path) -> tuple[Written | None, int]:
+    """Return what was done, None where no message can be read, and where the messages end then."""
     with path.open("rb") as file:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if _is_indexed(file):
-            return Written(str(path))
-        before = left(path)
-        if before is None or not before.heard_ns:
-            return None
+            return Written(str(path)), _end(path)
+        if not _has_message(file):
+            return None, 0
         with replaced(path, 0o600) as new:
             copy = _Copy(new)
             copy.take(file)
-            lost = 0 if copy.whole else path.stat().st_size - before.end
+            lost = 0 if copy.whole else path.stat().st_size - copy.end
             done = Written(str(path), copy.messages, copy.whole, lost, str(free_name(path)) if lost else "")
             copy.finish(done)
             if done.kept:
                 os.link(path, done.kept)
-    return done
+    return done, _end(path)
+
+
+def _has_message(file: IO[bytes]) -> bool:
+    """Whether one can be read."""
+    file.seek(0)
+    with suppress(*TORN):
+        return any(isinstance(one, Message) and _is_whole(one) for one in stored(file))
+    return False
+
+
+def _end(path: Path) -> int:
+    """Return where the messages of a recording with a summary end: at the record that says so."""
+    with path.open("rb") as file:
+        file.seek(-FOOTER.size - len(MCAP0_MAGIC), os.SEEK_END)
+        _, _, summary, *_ = FOOTER.unpack(file.read(FOOTER.size))
+    return int(summary) - DATA_END.size
 
 
 def _is_indexed(file: IO[bytes]) -> bool:
@@ -84,6 +106,15 @@ def _is_indexed(file: IO[bytes]) -> bool:
     return bool(summary.statistics.chunk_count == len(summary.chunk_indexes) > 0)
 
 
+def _is_whole(message: Message) -> bool:
+    """Whether a message is whole inside; behind a torn one is no record."""
+    try:
+        msgspec.json.decode(message.data)
+    except UNREADABLE:
+        return False
+    return True
+
+
 class _Copy:
     """A file with the records of another one: their order stays, schemas and channels are numbered anew."""
 
@@ -92,14 +123,18 @@ class _Copy:
         self._begun = False
         self._schemas: dict[int, int] = {0: 0}
         self._channels: dict[int, int] = {}
-        self.messages, self.whole = 0, False
+        self.messages, self.whole, self.end = 0, False, 0
+        """`end`: where the last message that can be read ends [bytes]."""
 
     def take(self, file: IO[bytes]) -> None:
         """Copy what can be read."""
         file.seek(0)
         with suppress(*TORN):
             for one in stored(file):
+                if isinstance(one, Message) and not _is_whole(one):
+                    return
                 self._add(one)
+                self.end = file.tell()
 
     def finish(self, done: Written) -> None:
         """Note what was lost, and write the index."""

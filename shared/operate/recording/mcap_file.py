@@ -1,74 +1,108 @@
 """traffic.mcap: written record by record, readable up to wherever its writing ended.
 
-Topics: `communicates/<channel>`, `house/<kind>`, `tokens`, `garbage`, `monitor`; messages in JSON with a JSON schema,
+Topics: `communicates/<channel>`, `house/<kind>`, `tokens`, `garbage`, `unpaired`; messages in JSON with a JSON schema,
 log time = heard, publish time = sent. While it is written, records are not gathered in chunks: one that a kill cuts off
 would be lost as a whole. When it is closed, it is written again in chunks (index.py).
 """
 
 import fcntl
 import os
-import time
-from collections.abc import Callable, Iterator
+import zlib
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from mcap.records import Channel, Footer, McapRecord, Message, Metadata, Schema
+from mcap.records import Channel, Footer, McapRecord, Message, Metadata
 from mcap.writer import IndexType, Writer
 
 from agent_runtime.io.full_disk import worded
+from agent_runtime.io.repair import free_name
+from agent_runtime.io.run_files import write_secret
 from fipa_codec.communicate import UNREADABLE
 from operate.recording import index
-from operate.recording.last_recording import Left, left
-from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
+from operate.recording.records import Garbage, House, Record, Spoken, Token, Unpaired
 from operate.recording.schemas import schema
 from operate.recording.stored import CONTENTS, NOTE, TORN, NoRecordingError, stored
 from operate.system import System
 
 FILE = "traffic.mcap"
+CURSOR_FILE = "traffic.cursor.json"
 PROFILE = "robot-companion"
 _NS = 1_000_000_000
 _encoder = msgspec.json.Encoder()
-_KINDS: dict[str, type] = {"communicates": Spoken, "house": House, "tokens": Token, "monitor": Resumed}
+_KINDS: dict[str, type] = {"communicates": Spoken, "house": House, "tokens": Token, "unpaired": Unpaired}
 _decoders: dict[type, msgspec.json.Decoder[Any]] = {
-    kind: msgspec.json.Decoder(kind) for kind in (Spoken, House, Token, Garbage, Resumed)
+    kind: msgspec.json.Decoder(kind) for kind in (Spoken, House, Token, Garbage, Unpaired)
 }
 
 
+class Cursor(msgspec.Struct, frozen=True):
+    """A place in a recording from which it goes on, in the file CURSOR_FILE beside it.
+
+    `end`: bytes up to there; `count`, `until`: records, and the time of the last one [unix s]; `topics`: in the order
+    of their numbers; `schemas`: a checksum of what records look like; `logs`: agent -> offset in its step log.
+    """
+
+    end: int = 0
+    count: int = 0
+    until: float = 0.0
+    topics: tuple[str, ...] = ()
+    schemas: int = 0
+    logs: dict[str, int] = {}
+
+
+def cursor(run: Path) -> Cursor | None:
+    """Return the place from which the recording of a run folder goes on; None: it begins."""
+    try:
+        found = msgspec.json.decode((run / CURSOR_FILE).read_bytes(), type=Cursor)
+        fits = found.schemas == _schemas() and (run / FILE).stat().st_size >= found.end
+    except (OSError, msgspec.DecodeError):
+        return None
+    return found if fits else None
+
+
 class Recording:
-    """An open traffic.mcap."""
+    """An open recording, for its owner alone."""
 
-    def __init__(self, path: Path, alive: Callable[[], None] = lambda: None) -> None:
-        """Begins the file, for its owner alone, or goes on behind the last whole record that a recorder left.
-
-        `alive` is called while it looks for that one. Such a file has no statistics and no index of notes at its end.
+    def __init__(self, path: Path, before: Cursor | None = None) -> None:
+        """Begins the file, or goes on at `before`: what follows there is cut off. One that is there and has no cursor
+        is kept under another name. The file has no statistics and no index of notes at its end then.
         """
         self._path = path
         path.parent.mkdir(parents=True, exist_ok=True)
-        before = left(path, alive)
-        flags = os.O_RDWR | os.O_CREAT | (os.O_TRUNC if before is None else 0)
-        self._file = os.fdopen(os.open(path, flags, 0o600), "r+b")
+        if before is None and path.exists() and path.stat().st_size:
+            path.rename(free_name(path))
+        self._file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "r+b")
         fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # until it is closed, nobody writes it again
         alone = {} if before is None else {"use_statistics": False, "index_types": IndexType.NONE}
         self._writer = Writer(self._file, use_chunking=False, **alone)
-        self._file.seek(0 if before is None else before.end)
-        self._writer.start(profile=PROFILE)
         self._schemas: dict[type, int] = {}
         self._channels: dict[str, int] = {}
-        self._count = 0
-        self.taken_until = 0.0
-        """Time of the last record left by an earlier recorder [unix s]; 0: there was none."""
-        if before is not None:
-            self._go_on(before)
+        self._count, self.taken_until = 0, 0.0
+        """Time of the last record [unix s]; 0: there is none."""
+        end = 0 if before is None else before.end
+        self._file.seek(end)
+        self._writer.start(profile=PROFILE)
+        if before is not None:  # the writer repeats what stands in the file already
+            self._count, self.taken_until = before.count, before.until
+            for name in before.topics:
+                self._channel(name, _kind(name))
+            self._writer.flush()
+            self._file.seek(end)
+            self._file.truncate()
         self.flush()
 
     def add(self, record: Record) -> None:
         """Append a record."""
         self._count += 1
+        self.taken_until = max(self.taken_until, record.received)
         heard = int(record.received * _NS)
         sent = int(record.sent * _NS) if isinstance(record, Spoken) and 0 < record.sent < 1e10 else heard
-        self._writer.add_message(self._channel(record), heard, _encoder.encode(record), sent, self._count)
+        channel = self._channel(topic(record), type(record))
+        self._writer.add_message(channel, heard, _encoder.encode(record), sent, self._count)
 
     @property
     def size(self) -> int:
@@ -83,50 +117,45 @@ class Recording:
         """Hand everything to the operating system: from here on a kill cannot take it."""
         self._file.flush()
 
-    def finish(self) -> str:
+    def keep(self, logs: Mapping[str, int]) -> None:
+        """Flush, and write down that a later recorder goes on here, and at these offsets of the agents' logs."""
+        self.flush()
+        self._keep(self.size, logs)
+
+    def finish(self, logs: Mapping[str, int] | None = None) -> str:
         """Write the summary, close, and write it again with an index. Return why that failed, "" if it did not.
 
-        The recording is whole all the same; Rerun, for one, reads nothing from it before `roco record repair`.
+        The recording is whole all the same; Rerun, for one, reads nothing from it before `roco record repair`. With
+        `logs` a later recorder can go on behind it.
         """
+        end = self.size
         self._writer.finish()
         self._file.close()
+        why = ""
         try:
-            index.write(self._path)
+            end = index.write(self._path) or end
         except OSError as error:
-            return worded(self._path, error)
-        return ""
+            why = worded(self._path, error)
+        if logs is not None:
+            self._keep(end, logs)
+        return why
 
-    def _go_on(self, before: Left) -> None:
-        """Have the writer repeat what stands in the file, which is cut off again, and the next record follow there."""
-        for one in before.said:
-            self._said(one)
-        self._writer.flush()
-        self._file.seek(before.end)
-        self._file.truncate()
-        if before.heard_ns:
-            self._count, self.taken_until = before.number, before.heard_ns / _NS
-            self.add(Resumed(self.taken_until, time.time()))
+    def _keep(self, end: int, logs: Mapping[str, int]) -> None:
+        now = Cursor(end, self._count, self.taken_until, tuple(self._channels), _schemas(), dict(logs))
+        write_secret(self._path.with_name(CURSOR_FILE), _encoder.encode(now))
 
-    def _said(self, one: Schema | Channel) -> None:
-        match one:
-            case Schema():
-                kind = next((kind for kind in _decoders if kind.__name__ == one.name), None)
-                number = self._writer.register_schema(one.name, one.encoding, one.data)
-                if kind is not None and one.data == _encoder.encode(schema(kind)):
-                    self._schemas[kind] = number
-            case Channel():
-                number = self._writer.register_channel(one.topic, one.message_encoding, one.schema_id, one.metadata)
-                if one.schema_id in self._schemas.values():
-                    self._channels[one.topic] = number
-
-    def _channel(self, record: Record) -> int:
-        name, kind = topic(record), type(record)
+    def _channel(self, name: str, kind: type) -> int:
         if name not in self._channels:
             if kind not in self._schemas:
                 data = _encoder.encode(schema(kind))
                 self._schemas[kind] = self._writer.register_schema(kind.__name__, "jsonschema", data)
             self._channels[name] = self._writer.register_channel(name, "json", self._schemas[kind])
         return self._channels[name]
+
+
+@lru_cache(1)
+def _schemas() -> int:
+    return zlib.crc32(b"".join(_encoder.encode(schema(kind)) for kind in _decoders))
 
 
 def topic(record: Record) -> str:
@@ -140,12 +169,12 @@ def topic(record: Record) -> str:
             return "tokens"
         case Garbage():
             return "garbage"
-        case Resumed():
-            return "monitor"
+        case Unpaired():
+            return "unpaired"
 
 
 class Read(msgspec.Struct, frozen=True):
-    """A recording: its records in the order they were heard; `whole`: it was closed in order, nothing is cut off."""
+    """A recording: its records; `whole`: it was closed in order, nothing is cut off."""
 
     records: tuple[Record, ...]
     whole: bool

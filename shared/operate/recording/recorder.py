@@ -1,8 +1,10 @@
-"""The recorder: one tap, one queue, one thread that writes and judges, for each system apart; then the reports.
+"""The recorder: one thread that reads the agents' step logs, writes and judges, for each system apart; then reports.
 
-That thread, and those of the tap, which it opens, take what the fleet leaves of the processor. Callbacks only enqueue.
-Everything is with the operating system within FLUSH_S, so a kill costs no more than that; what is lost then, agents'
-own step logs have. SIGTERM ends the recording in order and makes report and pictures.
+What agents said to each other comes from their logs (ends.py), from a cursor: a recorder that was killed, frozen or
+started late misses nothing of it, and no agent waits for it. Heartbeats, telemetry and tokens come by a tap, whose
+callbacks only enqueue; of these, what passes while no recorder lives is lost. Everything is with the operating system
+within FLUSH_S. The thread takes what the fleet leaves of the processor. SIGTERM ends the recording in order and makes
+report and pictures.
 """
 
 import math
@@ -10,7 +12,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
 from pathlib import Path
 
@@ -18,24 +20,28 @@ import msgspec
 
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.full_disk import worded
+from agent_runtime.io.log_sender import KIND as PART
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.pulse import Pulse
 from agent_runtime.io.repeats import WINDOW_S, Repeats
 from agent_runtime.io.run_files import make_run
-from agent_runtime.io.tap import Sample
-from agent_runtime.io.two_taps import open_taps
+from agent_runtime.io.steplog import MUCH_BYTES
+from agent_runtime.io.tap import Sample, Tap, open_tap
 from agent_runtime.io.waiting import Waiting
 from operate.judging.judged import Judging, encoded
 from operate.judging.live import Live
 from operate.pictures.feed import Feed, feeding
 from operate.recording.contents import versions_now
+from operate.recording.copied_logs import CopiedLogs, Put
+from operate.recording.ends import Ends
 from operate.recording.fault_file import KIND as FAULT
 from operate.recording.fault_file import OPERATOR, FaultFile
 from operate.recording.history import Setting
-from operate.recording.mcap_file import FILE, Recording
-from operate.recording.reach import Reach
-from operate.recording.records import SETTING, Garbage, House, Record, Resumed, understood
+from operate.recording.mcap_file import FILE, Recording, cursor
+from operate.recording.reading import HEARTBEAT
+from operate.recording.records import SETTING, Garbage, House, Record, Spoken, Token, understood
+from operate.recording.samples import sampled
 from operate.recording.stored import NOTE
 from operate.recording.systems import SystemNameError, folders
 from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Happened, Judged
@@ -44,13 +50,15 @@ from topdown.judge.verdicts import Verdict
 
 NAME = "monitor"
 FLUSH_S = 0.1
-MOST_PASSED_S = 2 * FLUSH_S
-"""Between two looks at an empty queue; estimate: each takes FLUSH_S."""
 SIGNAL_S = 0.5
 """Between two looks of the thread that runs signals' handlers at whether one came (estimate)."""
 NICENESS = 10
 """The fleet comes first (benchmarks/README.md). In the class SCHED_IDLE the tap reads so late on a busy machine that
 the router closes its session; at 19 it was slower there than at 10.
+"""
+MOST_READ_AGAIN = 64 * 1024 * 1024
+"""Bytes of logs that a recorder which goes on reads again, so that it can judge what it finds open (estimate: twenty
+pours, a few seconds). Beyond that, conversations that had begun before are not judged.
 """
 MOST_BYTES = 8 * 1024 * 1024 * 1024
 """Of a recording; then it goes on without one. Estimate: a pour has 25 MB in 100 s, so nine hours of pouring."""
@@ -98,21 +106,28 @@ class Recorder:
         run: Path,
         system: System,
         say: Say = lambda event, **fields: None,
+        name: str = "",
         alive: Callable[[], None] = lambda: None,
     ) -> None:
-        """`alive` is called while the last recording is looked through."""
+        """`name`: of the system, in its keys. `alive` is called while it reads what an earlier recorder recorded."""
         make_run(run)
-        self._recording = Recording(run / FILE, alive)
+        before = cursor(run)
+        self._recording = Recording(run / FILE, before)
         self._live_file, self._verdicts = _Lines(run / LIVE_FILE), _Lines(run / VERDICTS_FILE)
         self._repeats, self._garbage = Repeats[Judged](_OTHERS), Repeats[str]("")
         self._full = False
-        self._live, self._judging, self._reach = Live(system), Judging(system), Reach()
+        self._live, self._judging = Live(system), Judging(system)
         self._system, self._say = system, say
         self._feed: Feed | None = None
         self._faults = FaultFile(run, self._recording.taken_until)
-        self._present, self._looked = time.time(), time.monotonic()
-        self._slow = Repeats[str]("others")
-        self.count = 0
+        self.count = self._flushed = 0
+        self._lives: set[tuple[str, int, str]] = set()
+        logs = {} if before is None else before.logs
+        again = sum(logs.values()) <= MOST_READ_AGAIN
+        self._ends = Ends(run, system, {} if again else logs)
+        self._copies = CopiedLogs(run, name)
+        if again and logs:
+            self._read_again(logs, alive)
 
     def show(self, feed: Feed) -> None:
         """Have it shown from now on while it goes on."""
@@ -125,31 +140,63 @@ class Recorder:
         self._recording.add(record)
         self._judged(self._judging.lines(record))
 
+    def _read_again(self, logs: Mapping[str, int], alive: Callable[[], None]) -> None:
+        """Learn from the logs what the recorder before knew; it is recorded already."""
+        for record in self._ends.before(logs, alive):
+            for _ in (*self._live.lines(record), *self._judging.lines(record)):
+                pass
+
     def take(self, sample: Sample) -> None:
-        """Record a sample, whatever it is; where it ends a time out of reach, that first."""
-        record, lost = understood(sample, self._system), self._reach.lost
-        self._present, self._looked = max(self._present, record.received), time.monotonic()
-        if isinstance(record, Resumed) and record.sender and self._slow.told(record.sender, record.received):
-            self._say("too slow", level="warning", sender=record.sender, s=round(record.received - record.since, 1))
-        hole = self._reach.hole(record)
-        if hole is not None:
-            self._say("in reach again", unheard_s=round(hole.received - hole.since, 1))
-            self._add(hole)
-        elif self._reach.lost and not lost:
-            self._say("no agent is in reach", level="warning")
+        """Record a sample, whatever it is."""
+        record = understood(sample, self._system)
+        match record:
+            case House(kind=kind) if kind == PART:
+                self._copies.take(record.owner, record.data)
+                return
+            case House(kind=kind) if kind == HEARTBEAT:
+                self._ends.lived(record.owner, record.received)
+            case Token():
+                self._copies.lived(record.agent, alive=record.alive)
         self._add(record)
         if self._feed is not None:
             self._feed.heard(sample)
         self.count += 1
 
+    def ask(self, put: Put) -> None:
+        """Ask agents elsewhere for their logs."""
+        self._copies.ask(put, NAME)
+
+    def follow(self) -> None:
+        """Record what agents have logged since the last call, and judge what waited in vain."""
+        for record in self._ends.new(time.time()):
+            self._heard(record)
+        self._judged(self._judging.pass_time(self._ends.until))
+
+    def _heard(self, record: Record) -> None:
+        self._add(record)
+        self.count += 1
+        sample = sampled(record, self._system.design)
+        if self._feed is not None and sample is not None:
+            self._feed.heard(sample)
+
     def _add(self, record: Record) -> None:
-        if self._kept(record):
-            self._recording.add(record)
+        if isinstance(record, Token) and not self._is_news(record):
+            return
+        if self._is_recorded(record):
+            self._recording.add(record.bare() if isinstance(record, Spoken) and record.size > MUCH_BYTES else record)
         for line in self._live.lines(record):
             self._live_file.write(msgspec.json.encode(line) + b"\n")
         self._judged(self._judging.lines(record))
 
-    def _kept(self, record: Record) -> bool:
+    def _is_news(self, token: Token) -> bool:
+        """Whether its agent's log, or the tap, has not told of this life, or this death, yet."""
+        life = token.agent, token.incarnation, token.journal
+        if token.alive is (life in self._lives):
+            return False
+        self._lives ^= {life}
+        return True
+
+    def _is_recorded(self, record: Record) -> bool:
         """Whether it is recorded: until the file is full, and of samples that are not communicates one per key."""
         if isinstance(record, Garbage):
             self._garbage.over(record.received)
@@ -178,25 +225,19 @@ class Recorder:
         """Hand all of it to the operating system."""
         self._sum_up(time.time())
         self._look_at_disk()
-        self._recording.flush()
         self._live_file.flush()
         self._verdicts.flush()
-
-    def pass_time(self) -> None:
-        """Judge what waited in vain; while samples wait, the present has not been heard yet.
-
-        Nor has it where this process stood still: no more time passes than if it had not, until something is heard.
-        """
-        now = time.monotonic()
-        self._present += min(now - self._looked, MOST_PASSED_S)
-        self._looked = now
-        self._judged(self._judging.pass_time(self._present))
+        if self.count != self._flushed:
+            self._recording.keep(self._ends.cursor)
+            self._flushed = self.count
 
     def finish(self) -> None:
-        """Close in order."""
+        """Record what is left, and close in order."""
+        for record in self._ends.rest():
+            self._heard(record)
         self._judged(self._judging.finish(time.time()))
         self._sum_up(math.inf)
-        why = self._recording.finish()
+        why = self._recording.finish(self._ends.cursor)
         if why:
             self._say("not indexed", level="warning", why=why)
         self._live_file.close()
@@ -218,7 +259,6 @@ class Recorder:
 
     def _sum_up(self, now: float) -> None:
         """Tell how many more violations of a kind there were than were told singly."""
-        self._slow.over(now)
         if now < self._repeats.look_at:
             return
         for kind, count in self._repeats.over(now):
@@ -246,11 +286,11 @@ def _told(one: Judged) -> dict[str, str]:
 
 
 class Recorders:
-    """The recorders of all systems; a sample goes to its system's, what is of none (the tap was deaf) to all."""
+    """The recorders of all systems; a sample goes to its system's."""
 
     def __init__(self, where: Mapping[str, Path], system: System, say: Say, alive: Callable[[], None]) -> None:
         self._where, self._system, self._say = where, system, say
-        self._of = {name: Recorder(run, system, partial(say, system=name), alive) for name, run in where.items()}
+        self._of = {name: Recorder(run, system, partial(say, system=name), name, alive) for name, run in where.items()}
         self._all = tuple(self._of.values())
         self.files = {name: str(run / FILE) for name, run in where.items()}
 
@@ -266,8 +306,12 @@ class Recorders:
 
     def take(self, sample: Sample) -> None:
         """Record a sample where it belongs."""
-        for recorder in (self._of[sample.system],) if sample.system else self._all:
-            recorder.take(sample)
+        self._of[sample.system].take(sample)
+
+    def ask(self, put: Put) -> None:
+        """Ask agents elsewhere for their logs."""
+        for recorder in self._all:
+            recorder.ask(put)
 
     def each(self, act: Callable[[Recorder], None]) -> None:
         """Do something with each of them."""
@@ -320,40 +364,49 @@ def _give_way() -> None:
 
 
 def _tap(options: Options, recorders: Recorders, waiting: Waiting, pulse: Pulse, say: Say) -> None:
-    """Record as soon as the router is there, until no more is wanted."""
-
-    def over() -> bool:
-        pulse.beat()
-        return waiting.stopped
-
-    tap = open_taps(options, waiting.put, over, lambda why: say("still waiting for the router", why=why))
-    if tap is None:
-        return
-    (options.run_dir / f"{NAME}.ready").write_text("taps")
+    """Record until no more is wanted; heartbeats and telemetry from when the router is there."""
     say("recording", **recorders.files)
     scene = str(options.scene) if options.scene else ""
     setting = Setting(seed=options.seed, speed=options.speed, scene=scene)
-    try:
-        recorders.each(lambda recorder: recorder.begin(setting))
-        recorders.show()  # now that it records: what draws takes seconds of a busy processor to start
-        _record(recorders, waiting, pulse)
-    finally:
-        tap.close()
+    recorders.each(lambda recorder: recorder.begin(setting))
+    with ThreadPoolExecutor(1) as pool:
+        tap = pool.submit(_listen, options, waiting, say)
+        try:
+            recorders.show()  # now that it records: what draws takes seconds of a busy processor to start
+            _record(recorders, waiting, pulse, tap)
+        finally:
+            waiting.stop()
+            opened = tap.result()
+            if opened is not None:
+                opened.close()
     for sample in waiting.left():
         recorders.take(sample)
     recorders.each(Recorder.look_for_faults)
 
 
-def _record(recorders: Recorders, waiting: Waiting, pulse: Pulse) -> None:
+def _listen(options: Options, waiting: Waiting, say: Say) -> Tap | None:
+    tap = open_tap(
+        options,
+        waiting.put,
+        lambda: waiting.stopped,
+        told=lambda why: say("still waiting for the router", why=why),
+    )
+    if tap is not None:
+        (options.run_dir / f"{NAME}.ready").write_text("records")
+    return tap
+
+
+def _record(recorders: Recorders, waiting: Waiting, pulse: Pulse, tap: "Future[Tap | None]") -> None:
     flushed = time.monotonic()
     while not waiting.stopped:
         pulse.beat()
         sample = waiting.get(FLUSH_S)
-        if sample is None:
-            recorders.each(Recorder.pass_time)
-        else:
+        if sample is not None:
             recorders.take(sample)
         if time.monotonic() - flushed > FLUSH_S:
+            if tap.done() and (opened := tap.result()) is not None:
+                recorders.ask(opened.put)
+            recorders.each(Recorder.follow)
             recorders.each(Recorder.look_for_faults)
             recorders.each(Recorder.flush)
             flushed = time.monotonic()

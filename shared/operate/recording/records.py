@@ -1,7 +1,7 @@
 """Records of the monitor in traffic.mcap: one Struct per topic, in JSON that any MCAP reader can show.
 
 A communicate is recorded with its fields, its whole bytes and its two times; what is none is recorded as it came.
-Must not know: where samples come from, what is made of them.
+Must not know: where records come from, what is made of them.
 """
 
 from enum import StrEnum
@@ -12,7 +12,7 @@ import msgspec
 
 from agent_runtime.core.wiring import HOUSE, parse_life
 from agent_runtime.io.tap import Sample
-from fipa_codec.communicate import Communicate, decode, decode_strictly
+from fipa_codec.communicate import Communicate, decode, decode_strictly, encode
 from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind, Languages
 from operate.system import System
@@ -23,11 +23,21 @@ SETTING = "setting"
 """Kind of the recorder's own first record."""
 
 
-class Origin(StrEnum):
-    """The listener that heard a communicate."""
+Identity = tuple[str, str, str]
+"""Sender, receiver and id of a communicate: its copies share it."""
 
-    TAP = "tap"
-    STEPS = "steps"
+
+class Origin(StrEnum):
+    """The agent whose log has a communicate."""
+
+    RECEIVER = "receiver"
+    SENDER = "sender"
+    """Nobody took it, or its receiver keeps no log."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> "Origin | None":
+        """Recordings of older versions name the listener that heard it."""
+        return cls.RECEIVER if value in ("tap", "steps") else None
 
 
 class NotReadable(RuntimeError):
@@ -38,7 +48,10 @@ class NotReadable(RuntimeError):
 
 
 class Spoken(msgspec.Struct, frozen=True, dict=True):
-    """A communicate. Times in unix seconds; `wire`: all of its bytes (base64 in JSON), `size` their number.
+    """A communicate. Times in unix seconds: when it was sent, and when its receiver took it (nobody: when it was sent).
+
+    `wire`: its bytes (base64 in JSON), `size`: their number. The content is not in `wire` if nobody took it, or if
+    it is large: then the log of its receiver alone has it.
 
     `text`: its content in a few words, for viewers; "" in recordings of older versions. The content can be read once
     `read_in` was told the languages of its system.
@@ -56,13 +69,13 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
     sent: float
     received: float
     wire: bytes
-    origin: Origin = Origin.TAP
+    origin: Origin = Origin.RECEIVER
     text: str = ""
 
     @property
-    def log(self) -> str:
-        """The agent whose step log has it, where the recorder did not hear it; "" where it did."""
-        return self.receiver if self.origin is Origin.STEPS else ""
+    def lost(self) -> bool:
+        """Whether its content is not here."""
+        return self.size > len(self.wire)
 
     @cached_property
     def communicate(self) -> Communicate:
@@ -94,14 +107,17 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
         except FipaError:
             return None, Kind.PLAIN
 
-    def moved(self, at: float) -> "Spoken":
-        """The same communicate, as if it had been heard at `at` [unix s]."""
-        there = msgspec.structs.replace(self, received=at)
-        there.__dict__.update(self.__dict__)  # what was decoded is not decoded again
-        return there
+    def bare(self) -> "Spoken":
+        """The same communicate without its content, which the log of its receiver has."""
+        wire = encode(msgspec.structs.replace(self.communicate, content=msgspec.UNSET))
+        return msgspec.structs.replace(self, wire=wire).read_in(self.__dict__.get("languages"))
+
+    def sized(self, size: int) -> "Spoken":
+        """The same communicate, of which more bytes were sent than are known."""
+        return msgspec.structs.replace(self, size=size).read_in(self.__dict__.get("languages"))
 
     @property
-    def identity(self) -> tuple[str, str, str]:
+    def identity(self) -> Identity:
         """Return the key shared by re-sent copies: ids are numbers of a stream, or names chosen by the sender."""
         return self.sender, self.receiver, self.id
 
@@ -117,20 +133,23 @@ class House(msgspec.Struct, frozen=True):
 
 
 class Token(msgspec.Struct, frozen=True):
-    """The liveliness token of an agent's incarnation appeared or vanished; `journal`: the name of its journal."""
+    """The liveliness token of an agent's incarnation appeared or vanished; `journal`: the name of its journal.
+
+    `noted`: the agent's own log tells that this life began.
+    """
 
     agent: str
     incarnation: int
     alive: bool
     received: float
     journal: str = ""
+    noted: bool = False
 
 
 class Garbage(msgspec.Struct, frozen=True):
     """Bytes that are not a communicate, or not the one their key says, or one the design does not have.
 
-    `log`: the agent whose step log has it, where the recorder did not hear it. The log does not keep bytes that are not
-    communicate, only the reason.
+    `log`: the agent that it reached. Its log does not keep bytes that are not a communicate, only the reason.
     """
 
     key: str
@@ -141,28 +160,27 @@ class Garbage(msgspec.Struct, frozen=True):
     log: str = ""
 
 
-class Resumed(msgspec.Struct, frozen=True):
-    """Nothing was heard from `since` on: the monitor took over from one that died, or had no router meanwhile, or its
-    router no way to any agent (reach.py). With a `sender`: not all that this one said was heard, for the monitor was
-    slow and the router dropped it (agent_runtime.io.gaps).
+class Unpaired(msgspec.Struct, frozen=True):
+    """A communicate of which the logs of sender and receiver do not agree: the receiver took it at `received`, and the
+    sender did not say it, or (`altered`) said other words.
     """
 
-    since: float
+    sender: str
+    receiver: str
+    protocol: str
+    performative: str
+    conversation: str
+    id: str
+    altered: bool
+    why: str
     received: float
-    sender: str = ""
-
-    def within(self, at: float, sender: str) -> bool:
-        """Whether what `sender` said at `at` [unix s] may be what was not heard."""
-        return self.since <= at <= self.received and self.sender in ("", sender)
 
 
-Record = Spoken | House | Token | Garbage | Resumed
+Record = Spoken | House | Token | Garbage | Unpaired
 
 
 def understood(sample: Sample, system: System) -> Record:
     """The record of a sample heard in this system. Never raises: what cannot be read is garbage."""
-    if sample.deaf_since:
-        return Resumed(sample.deaf_since, sample.at, sample.sender)
     chunks = sample.key.split("/")
     if len(chunks) > 3 and chunks[2] == HOUSE:
         return _house(sample, chunks[3:])
@@ -179,11 +197,12 @@ def understood(sample: Sample, system: System) -> Record:
         return _garbage(sample, str(error))
     if chunks[2] != channel:
         return _garbage(sample, f"the design has it on {channel}")
-    return spoken(communicate, sample.data, sample.at, system)
+    one = spoken(communicate, sample.data, sample.at, system)
+    return one.sized(sample.size) if sample.size > len(sample.data) else one
 
 
 def spoken(
-    communicate: Communicate, wire: bytes, received: float, system: System, origin: Origin = Origin.TAP
+    communicate: Communicate, wire: bytes, received: float, system: System, origin: Origin = Origin.RECEIVER
 ) -> Spoken:
     """The record of a communicate that the design knows. Raise LookupError for another one."""
     read = Spoken(

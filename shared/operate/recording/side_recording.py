@@ -1,7 +1,7 @@
-"""`roco record`: a filtered recording beside the run's own, until it is stopped.
+"""`roco record`: a filtered recording beside the run's own, of what `hear` prints, until it is stopped.
 
-One tap, one queue, one thread; the file is whole up to FLUSH_S before a kill. No report and no judge: what is kept can
-be judged, shown and replayed afterwards. It ends with the process that started it.
+The file is whole up to FLUSH_S before a kill. No report and no judge: what is kept can be judged, shown and replayed
+afterwards. It ends with the process that started it.
 """
 
 import os
@@ -13,23 +13,19 @@ from pathlib import Path
 
 import msgspec
 
-from agent_runtime.io.options import Options
-from agent_runtime.io.tap import Sample, Tap, open_tap
+from agent_runtime.io.tap import Sample
 from agent_runtime.io.waiting import Waiting
 from operate.filters import Filter
 from operate.recording.contents import versions_now
-from operate.recording.mcap_file import Recording, first
-from operate.recording.records import SETTING, House, Record, Resumed, Spoken, Token, understood
+from operate.recording.mcap_file import Recording
+from operate.recording.records import SETTING, House, Record, Spoken, Token, understood
 from operate.recording.stored import NOTE
-from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
 
 FLUSH_S = 0.1
 TOLD_S = 0.5
 """Seconds between two reports of progress; estimate: what a person watches."""
-ROUTER_S = 5.0
 FILTER = "filter"
-NO_ROUTER = 3
 
 
 class Kept(msgspec.Struct, frozen=True):
@@ -54,14 +50,13 @@ class Asked(msgspec.Struct, frozen=True):
 class Keeper:
     """The open recording."""
 
-    def __init__(self, asked: Asked, system: System, setting: Record | None) -> None:
+    def __init__(self, asked: Asked, system: System) -> None:
         self._asked, self._system, self._began = asked, system, time.time()
         self._recording = Recording(asked.out)
         self.communicates = self.records = 0
         self._recording.note(NOTE, versions_now(system))
         if asked.which:
             self._recording.note(FILTER, {kind: ",".join(names) for kind, names in _named(asked.which)})
-        self._add(House(SETTING, "record", "", self._began, setting.data if isinstance(setting, House) else b""))
 
     @property
     def over(self) -> bool:
@@ -72,8 +67,11 @@ class Keeper:
     def take(self, sample: Sample) -> None:
         """Keep a sample, if it is meant: with a filter only communicates, and what is needed to judge them."""
         record = understood(sample, self._system)
+        if isinstance(record, House) and record.kind == SETTING:  # which `hear` tells first, where there is one
+            self._add(msgspec.structs.replace(record, owner="record", received=self._began))
+            return
         which = self._asked.which
-        if which and not (which.keeps(record) if isinstance(record, Spoken) else isinstance(record, Token | Resumed)):
+        if which and not (which.keeps(record) if isinstance(record, Spoken) else isinstance(record, Token)):
             return
         self._add(record)
         self.communicates += isinstance(record, Spoken)
@@ -97,36 +95,13 @@ class Keeper:
         self.records += 1
 
 
-def serve(options: Options, system: System, asked: Asked, identity: str) -> int:
-    """Record; tells on standard output how far it is, a Kept a line. 0: ended in order; 3: no router answers."""
-    waiting, parent = _until_told(), os.getppid()
-    tap = tapped(options, waiting, identity)
-    if tap is None:
-        return NO_ROUTER
-    keeper = Keeper(asked, system, first(options.run_dir / TRAFFIC_FILE))
-    _keep(keeper, waiting, parent)
-    tap.close()
-    _end(keeper, waiting)
-    return 0
-
-
-def tapped(options: Options, waiting: Waiting, identity: str) -> Tap | None:
-    """A tap that fills `waiting`; None, and it is said, where no router answers in time."""
-    until = time.monotonic() + ROUTER_S
-    tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until, identity)
-    if tap is None:
-        print(f"no router answers at {options.connect}; is the fleet up (`roco status`)?", file=sys.stderr)
-    return tap
-
-
-def serve_heard(system: System, asked: Asked) -> int:
-    """Record what `hear` prints, from standard input to its end; the rest as `serve`."""
+def serve(system: System, asked: Asked) -> None:
+    """Record what comes on standard input, to its end; tells on standard output how far it is, a Kept a line."""
     waiting, parent = _until_told(), os.getppid()
     threading.Thread(target=_read, args=(waiting,), daemon=True).start()
-    keeper = Keeper(asked, system, None)
+    keeper = Keeper(asked, system)
     _keep(keeper, waiting, parent)
     _end(keeper, waiting)
-    return 0
 
 
 def _until_told() -> Waiting:

@@ -16,9 +16,9 @@ from agent_runtime.core.errors import StepLogError
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
 from fipa_codec.communicate import UNREADABLE, Communicate
-from operate.recording import filled, history
+from operate.recording import history, reading
 from operate.recording.records import Spoken, Token
-from operate.run_folder import Fault, Judged
+from operate.run_folder import STEPS, Fault, Judged
 from operate.system import System
 from operate.tracing.linking import Talk, spans
 from operate.tracing.trace import Away, Identity, Message, Step, Trace
@@ -38,11 +38,11 @@ class Run(msgspec.Struct, frozen=True):
 def of(file: Path, system: System) -> Run:
     """Return the trace of a run folder or a recording; of a recording alone all links are by time."""
     folder = file.is_dir()
-    found = filled.of(file, system)
-    past = history.of_filled(found, system)
+    found = reading.of(file, system)
+    past = history.read(found, system)
     if folder:
         past = history.in_folder(past, file)
-    logs = sorted((file / filled.STEPS).glob(f"*.{filled.STEPS}")) if folder else []
+    logs = sorted((file / STEPS).glob(f"*.{STEPS}")) if folder else []
     said = [_message(one, system) for one in past.said]
     steps = [step for log in logs for step in _steps(log, said, system)]
     traced = Trace(

@@ -14,7 +14,7 @@ import numpy as np
 from fipa_codec.communicate import number_of
 from fipa_codec.performatives import Performative
 from operate.quantiles import tail
-from operate.recording.hearing import Told, Took
+from operate.recording.hearing import Told
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from topdown.model.design import Design
@@ -51,7 +51,7 @@ class Communicates(msgspec.Struct, frozen=True):
 
 
 class Spans(msgspec.Struct, frozen=True):
-    """Durations [ms]; `by_sender`: how many of them are by the sender's own log.
+    """Durations [ms], from an agent's sending to its hearing, by its own log.
 
     `p95`, `p99`: null where there are too few of them (operate.quantiles).
     """
@@ -61,7 +61,6 @@ class Spans(msgspec.Struct, frozen=True):
     p95: float | None
     p99: float | None
     max: float
-    by_sender: int = 0
 
     @property
     def most(self) -> tuple[float, float]:
@@ -120,22 +119,12 @@ def latencies(history: History, design: Design) -> tuple[Latency, ...]:
     )
 
 
-def spans(some: list[Took]) -> Spans | None:
-    """Return what is told of some times; None without any."""
+def spans(some: list[float]) -> Spans | None:
+    """Return what is told of some times [s]; None without any."""
     if not some:
         return None
-    ms = [1000 * one.s for one in some]
-    by_sender = sum(one.by_sender for one in some)
-    return Spans(len(ms), median(ms), tail(ms, 0.95), tail(ms, 0.99), max(ms), by_sender)
-
-
-def by_whom(own: int, count: int) -> str:
-    """Return a sentence on whose latencies they are: of `count` the senders' `own`, the rest the recorder's."""
-    if not own:
-        return "Times are as the recorder heard it: no step log of a sender tells them." if count else ""
-    which = f"All {count}" if own == count else f"{own} of {count}"
-    rest = f"; the other {count - own} are as the recorder heard it" if own < count else ""
-    return f"{which} times are the sender's own, from its sending to its hearing{rest}."
+    ms = [1000 * one for one in some]
+    return Spans(len(ms), median(ms), tail(ms, 0.95), tail(ms, 0.99), max(ms))
 
 
 def bandwidth(said: Iterable[Spoken], start: float, end: float, bin_s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -153,8 +142,10 @@ def _sizes(sizes: list[int]) -> Sizes:
     return Sizes(len(sizes), sum(sizes), min(sizes), sum(sizes) / len(sizes), max(sizes))
 
 
-def _by_use(said: Iterable[Spoken], measure: Callable[[Spoken], Took | None], design: Design) -> dict[str, list[Took]]:
-    found: dict[str, list[Took]] = defaultdict(list)
+def _by_use(
+    said: Iterable[Spoken], measure: Callable[[Spoken], float | None], design: Design
+) -> dict[str, list[float]]:
+    found: dict[str, list[float]] = defaultdict(list)
     for one in said:
         took = measure(one)
         if took is not None:
@@ -162,7 +153,7 @@ def _by_use(said: Iterable[Spoken], measure: Callable[[Spoken], Took | None], de
     return found
 
 
-def _answers(history: History, design: Design) -> Callable[[Spoken], Took | None]:
+def _answers(history: History, design: Design) -> Callable[[Spoken], float | None]:
     """For an opening: time to the first word (or the result) in the same conversation; None for all else.
 
     The result counts in uses whose budget in the design is that of the result; elsewhere the first word does, an agree.
@@ -173,27 +164,23 @@ def _answers(history: History, design: Design) -> Callable[[Spoken], Took | None
         if one.performative != Performative.AGREE or design.rule(one.communicate).use not in result:
             first.setdefault((one.conversation, one.sender), one)
 
-    def measure(one: Spoken) -> Took | None:
+    def measure(one: Spoken) -> float | None:
         answer = first.get((one.conversation, one.receiver))
         return history.answered(one, answer) if one.performative in OPENING and answer is not None else None
 
     return measure
 
 
-def _receipted(history: History, design: Design) -> Callable[[Spoken], Took | None]:
+def _receipted(history: History, design: Design) -> Callable[[Spoken], float | None]:
     """For a durable communicate: time to the first receipt that covers its number; None for all else."""
-    own = _by_pair(receipt for asker in history.hearing.values() for receipt in asker.receipts)
-    heard = _by_pair(history.receipts)
+    told = _by_pair(history.receipts)
 
-    def measure(one: Spoken) -> Took | None:
+    def measure(one: Spoken) -> float | None:
         number = number_of(one.id) if design.rule(one.communicate).durable else None
         if number is None:
             return None
-        first = [
-            next((t.at for t in told[one.receiver, one.sender] if t.receipt.taken >= number and t.at >= since), None)
-            for told, since in ((own, one.sent), (heard, one.received))
-        ]
-        return history.took(one, *first)
+        some = (t.at for t in told[one.receiver, one.sender] if t.receipt.taken >= number and t.at >= one.sent)
+        return history.took(one, next(some, None))
 
     return measure
 

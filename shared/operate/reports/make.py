@@ -22,7 +22,7 @@ Say = Callable[..., None]
 def everything(run: Path, system: System, say: Say) -> bool:
     """Make all three; `say(event, level, **fields)` is told what was made and what was not.
 
-    Where the recorder did not hear everything its verdicts are made again, too. True: all that can be made here.
+    Where no recorder ended in order its verdicts are made again, too. True: all that can be made here.
     """
     try:
         past = history.load(run, system)
@@ -31,8 +31,8 @@ def everything(run: Path, system: System, say: Say) -> bool:
     except Exception:  # the recording stays: the report can be made again by a later version
         say("no report", level="error", why=traceback.format_exc())
         return False
-    if past.whole and any(one.log for one in past.judged):
-        write_whole(run / VERDICTS_FILE, b"".join(map(encoded, past.judged)))  # a recorder did not hear everything
+    if not past.whole:
+        write_whole(run / VERDICTS_FILE, b"".join(map(encoded, past.judged)))  # no recorder judged it to its end
     outcome = {name: getattr(figures, name) or "" for name in ("success", "failure") if hasattr(figures, name)}
     say("report", **outcome, file=str(run / REPORT_FILE))
     page = _try(PAGE_FILE, lambda: _page(run, system, past, figures), say)

@@ -8,7 +8,7 @@ import jinja2
 
 from operate import verdict_lines
 from operate.recording.history import History
-from operate.reports import counts, figures
+from operate.reports import figures
 from operate.reports.counts import Communicates, Latency
 from operate.reports.report import FaultAt, Judged, Report
 from operate.system import System
@@ -61,9 +61,7 @@ def judged(found: Judged | None) -> str:
 
 def latencies(rows: tuple[Latency, ...]) -> str:
     """Return the part of a page about how long answers and receipts take."""
-    spans = [one for row in rows for one in (row.answer, row.receipt) if one is not None]
-    by_whom = counts.by_whom(sum(one.by_sender for one in spans), sum(one.count for one in spans))
-    return template(LATENCY).render(rows=rows, figure=figures.latencies(rows), by_whom=by_whom)
+    return template(LATENCY).render(rows=rows, figure=figures.latencies(rows))
 
 
 def template(file: Path) -> jinja2.Template:

@@ -44,12 +44,10 @@ class NotAsDesigned(msgspec.Struct, frozen=True):
 
 class Judged(msgspec.Struct, frozen=True):
     """Verdicts on the recording: number of communicates with copies, count of each verdict, and each of
-    those that are against the design. `filled`: how many communicates the recorder did not hear, and step logs have.
-    Null in a report: nothing was recorded.
+    those that are against the design. Null in a report: nothing was recorded.
     """
 
     communicates: int
-    filled: int
     verdicts: dict[str, int]
     violations: tuple[NotAsDesigned, ...]
 
@@ -169,10 +167,9 @@ def judged(history: History) -> Judged | None:
         if one.violation
     )
     counted = Counter(one.verdict for one in history.judged)
-    heard = {(one.t, one.sender, one.receiver, one.id): one.log for one in history.judged}
+    heard = {(one.t, one.sender, one.receiver, one.id) for one in history.judged}
     return Judged(
         communicates=len(heard),
-        filled=sum(bool(log) for log in heard.values()),
         verdicts={verdict: counted[verdict] for verdict in Verdict if counted[verdict]},
         violations=against,
     )

@@ -3,7 +3,7 @@
 No clock, no process and no file in here: the shell tells what happened (events) and does what comes out (actions), so
 every order of starts, deaths and stops can be tested. A process that dies is started again, after a pause that grows;
 one that dies again and again is given up, and if it was ready before, the robot is to be held. One whose heartbeat
-stands still is killed first. Its silence is counted in looks: a machine that was suspended kills nobody.
+stands still is killed first. Its silence is counted by looks: a machine that was suspended kills nobody.
 """
 
 import math
@@ -19,7 +19,8 @@ LONGEST_PAUSE_S = 5.0  # estimate: a person still sees that something happens
 SETTLED_S = 30.0  # ready for so long: earlier failures are forgotten
 ATTEMPTS = 6  # in a row without being ready once (about 6 s): given up
 MOST_DEATHS, WINDOW_S = 15, 120.0  # of a process that gets ready: given up; estimate: a death each 6 s with its pauses
-PERIOD_S = 0.05  # between two looks; estimate: a death is seen soon enough, and 20 looks a second cost next to nothing
+PERIOD_S = 0.05  # between two looks while anything goes on; estimate
+REST_PERIODS = 4  # between two looks while all is well; who dies is seen at once all the same
 LATE_S = 1.9  # without a heartbeat, which comes each second: it is told; a hang is seen within 2 s of its begin
 BORN_WITHIN_S = 60.0  # to the first heartbeat; estimate: a fleet needs 9 s at a load of 5 (benchmarks)
 OFF = "stopped by hand"
@@ -41,7 +42,8 @@ class Known(msgspec.Struct, frozen=True):
     """State of a process; `since`: when it entered its state [s]; `due`: when it is started again [s].
 
     `failures`: ends in a row, which lengthen the pause; `attempts`: of these, since it was ready last. `served`:
-    whether it was ever ready. `beaten`: whether it had a heartbeat since it was started; `silent`: looks since then.
+    whether it was ever ready. `beaten`: whether it had a heartbeat since it was started; `silent`: periods since
+    then, by looks.
     `deaths`: when it died within WINDOW_S, after it had been ready [s].
     """
 
@@ -98,6 +100,12 @@ class Fleet(msgspec.Struct, frozen=True):
         """
         given_up = ((name, known) for name, known in self.known.items() if known.state is ProcessState.GIVEN_UP)
         return tuple(name for name, known in given_up if known.served and not known.process.optional)
+
+    @property
+    def resting(self) -> bool:
+        """Each of them is ready or given up, and nothing is to be done."""
+        at_rest = (ProcessState.READY, ProcessState.GIVEN_UP)
+        return not self.stopping and all(known.state in at_rest for known in self.known.values())
 
     @property
     def ended(self) -> bool:
@@ -218,19 +226,22 @@ def take(fleet: Fleet, event: Event, now: float) -> Fleet:
     return msgspec.structs.replace(fleet, known={**fleet.known, event.name: changed})
 
 
-def look(fleet: Fleet, beats: frozenset[str]) -> Fleet:
-    """Note a look, and whose heartbeat it found changed; who has been silent for long is told by its note."""
-    changed = {name: _looked_at(known, name in beats) for name, known in fleet.known.items()}
+def look(fleet: Fleet, beats: frozenset[str], periods: int = 1) -> Fleet:
+    """Note a look after so many periods, and whose heartbeat it found changed.
+
+    Who has been silent for long is told by its note.
+    """
+    changed = {name: _looked_at(known, name in beats, periods) for name, known in fleet.known.items()}
     return msgspec.structs.replace(fleet, known=changed)
 
 
-def _looked_at(known: Known, beats: bool) -> Known:
+def _looked_at(known: Known, beats: bool, periods: int) -> Known:
     if beats:
         note = "" if known.silence_s >= LATE_S else known.note
         return msgspec.structs.replace(known, beaten=True, silent=0, note=note)
     if known.state not in (ProcessState.STARTING, ProcessState.READY):
         return known
-    silent = msgspec.structs.replace(known, silent=known.silent + 1)
+    silent = msgspec.structs.replace(known, silent=known.silent + periods)
     if known.beaten and silent.silence_s >= LATE_S and not known.killed:
         silent = msgspec.structs.replace(silent, note=f"hangs: no heartbeat for {int(silent.silence_s)} s")
     return silent

@@ -13,12 +13,12 @@ from typing import Annotated
 
 import typer
 
-from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.options import Options
 from agent_runtime.io.sessions import free_endpoint
-from agent_runtime.io.tap import Sample, Tap, open_tap
-from fipa_codec.communicate import Communicate, decode_strictly
+from fipa_codec.communicate import Communicate
 from fipa_codec.errors import FipaError
+from operate.recording.ends import Ends
+from operate.recording.records import Identity, Spoken
 from operate.run_folder import ProcessState
 from operate.supervisor import folder
 from operate.supervisor.keeping import KeptError, kept
@@ -105,26 +105,18 @@ class _Watch(threading.Thread):
         self._shell, self._languages, self._options, self._after_s = shell, system.languages, options, after_s
         self._began = time.time()
         self._ready_at: float | None = None
-        self._tap: Tap | None = None
-        self._samples = OneReaderQueue[Sample]()
-        self._seen: set[tuple[str, str, str, str]] = set()
+        self._ends = Ends(options.run_dir, system)
+        self._seen: set[Identity] = set()
         self._states: dict[str, ProcessState] = {}
 
     def run(self) -> None:
         ended = self._shell.end_asked
-        threading.Thread(target=self._listen, daemon=True).start()
         while not ended.wait(0.05):
             self._look()
             self._tell()
             if self._over():
                 ended.set()
         self._tell()
-        if self._tap is not None:
-            self._tap.close()
-
-    def _listen(self) -> None:
-        """Hear what is said, as soon as the router is there; the tap is kept, or Zenoh would undeclare it."""
-        self._tap = open_tap(self._options, self._samples.put, self._shell.end_asked.is_set)
 
     def _look(self) -> None:
         for status in self._shell.fleet.status:
@@ -150,24 +142,14 @@ class _Watch(threading.Thread):
         return True
 
     def _tell(self) -> None:
-        while len(self._samples):
-            sample = self._samples.get()
-            chunks = sample.key.split("/")
-            if not sample.token and len(chunks) == 7:
-                self._communicate(chunks[2], sample)
-
-    def _communicate(self, channel: str, sample: Sample) -> None:
-        try:
-            communicate = decode_strictly(sample.data)
-        except FipaError as error:
-            self._print(f"{channel}  {error}")
-            return
-        name = (communicate.sender, communicate.receiver, communicate.conversation, communicate.id)
-        if name in self._seen:
-            return  # sent again, since its receipt was not there in time
-        self._seen.add(name)
-        way = f"{communicate.sender} -> {communicate.receiver}"
-        self._print(f"{channel}  {way}  {communicate.performative}  {self._content(communicate)}".rstrip(), sample.at)
+        """Print what was said, as the agents' logs have it."""
+        for record in self._ends.new(time.time()):
+            if isinstance(record, Spoken) and record.identity not in self._seen:
+                self._seen.add(record.identity)
+                one = record.communicate
+                way = f"{one.sender} -> {one.receiver}"
+                text = f"{record.channel}  {way}  {one.performative}  {self._content(one)}".rstrip()
+                self._print(text, record.received)
 
     def _content(self, communicate: Communicate) -> str:
         try:

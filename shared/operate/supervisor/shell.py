@@ -8,6 +8,7 @@ by their pid files, and so does the next supervisor of the folder, which ends th
 
 import importlib.util
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -69,6 +70,9 @@ class Shell:
         self.files = folder.Files(run)
         self.held = False
         self.end_asked = threading.Event()
+        self.ends: dict[str, int] = {}
+        """Child -> a handle that can be read when it has ended."""
+        self.periods = 1
 
     def serve(self) -> None:
         """Run the fleet until SIGTERM or SIGINT, and to the end of the last process."""
@@ -84,7 +88,7 @@ class Shell:
             if caught_signals:
                 self.end_asked.set()
             self.step(time.monotonic())
-            self.end_asked.wait(core.PERIOD_S) if not self.fleet.stopping else time.sleep(core.PERIOD_S)
+            self._wait()
         for file in (ready, pulse.file, pid):
             self.files.put(file, None)
 
@@ -108,7 +112,7 @@ class Shell:
         self.fleet = core.switch(self.fleet, self.files.off(), now)
         for event in self._look():
             self.fleet = core.take(self.fleet, event, now)
-        self.fleet = core.look(self.fleet, self._beats())
+        self.fleet = core.look(self.fleet, self._beats(), self.periods)
         if self.fleet.failing and not self.held:
             with suppress(OSError):  # tried again at the next look
                 set_stop(self.run, held=True)
@@ -122,6 +126,12 @@ class Shell:
             told = (self.system, self.connect, os.getpid(), self.started, self.fleet.status)
             self.files.tell(FleetFile(*told, entry=self.entry, project=self.project))
 
+    def _wait(self) -> None:
+        """Wait until the next look: longer while all is well, unless a child ends."""
+        self.periods = core.REST_PERIODS if self.fleet.resting else 1
+        if select.select(list(self.ends.values()), [], [], self.periods * core.PERIOD_S)[0]:
+            self.periods = 1
+
     def _look(self) -> list[core.Event]:
         """See which children ended, and which became ready."""
         seen: list[core.Event] = []
@@ -129,6 +139,8 @@ class Shell:
             code = child.poll()
             if code is not None:
                 del self.children[name]
+                if name in self.ends:
+                    os.close(self.ends.pop(name))
                 self.files.put(folder.pid_file(self.run, name), None)
                 seen.append(self._exited(name, code))
             elif self.fleet.known[name].state is ProcessState.STARTING and folder.ready_file(self.run, name).exists():
@@ -185,6 +197,8 @@ class Shell:
         except OSError as error:
             return core.NotStarted(process.name, str(error))
         self.children[process.name] = child
+        with suppress(ProcessLookupError):
+            self.ends[process.name] = os.pidfd_open(child.pid)
         self.files.put(folder.pid_file(self.run, process.name), f"{child.pid}\n".encode())
         return core.Started(process.name, child.pid)
 

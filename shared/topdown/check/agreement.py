@@ -104,5 +104,5 @@ def _unsaid_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iter
     for language in sorted(entry.name for entry in design.file.language):
         for word in sorted(known.get(language, frozenset())):
             if f"{language}.{word}" not in said:
-                right = "list it as content of a message or drop the class"
+                right = "list it as content of a message or in an entry of an interface, or drop the class"
                 yield Finding(Kind.UNUSED, f"language {language}", f"no message carries {word}", right)

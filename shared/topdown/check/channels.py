@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from topdown.model import elements
 from topdown.model.design import Design
+from topdown.model.elements import AGENTS
 from topdown.model.findings import Finding, Kind
 
 
@@ -22,7 +23,7 @@ def findings(design: Design) -> Iterator[Finding]:
             yield Finding(Kind.SILENT_CHANNEL, where, "carries no protocol", "give it one", at)
     for index, use in enumerate(design.file.protocol):
         yield from _ends(design, index, use)
-    yield from _houses(design)
+    yield from _signals(design)
 
 
 def _ends(design: Design, index: int, use: elements.Protocol) -> Iterator[Finding]:
@@ -48,16 +49,20 @@ def _ends(design: Design, index: int, use: elements.Protocol) -> Iterator[Findin
             yield Finding(Kind.NO_END, said, f"sender {message.sender!r} is not an end of it", right, place)
 
 
-def _houses(design: Design) -> Iterator[Finding]:
-    for index, house in enumerate(design.file.house):
-        if "{system}" not in house.key or "{owner}" not in house.key:
-            wrong = f"its key {house.key!r} lacks system or owner"
+def _signals(design: Design) -> Iterator[Finding]:
+    if AGENTS in design.agents:
+        wrong, right = f"{AGENTS!r} stands for every agent in a [[signal]]", "give it another name"
+        yield Finding(Kind.TWICE, f"agent {AGENTS}", wrong, right, ("agent", list(design.agents).index(AGENTS)))
+    for index, entry in enumerate(design.file.signal):
+        signal = design.with_agents(entry)
+        if "{system}" not in signal.key or "{owner}" not in signal.key:
+            wrong = f"its key {signal.key!r} lacks system or owner"
             right = "name {system} and {owner} in it"
-            yield Finding(Kind.NO_OWNER, f"house {house.kind}", wrong, right, ("house", index, "key"))
-        for number, pair in enumerate(house.reach):
-            for name, kind, known in zip(pair, ("writer", "reader"), (house.writers, house.readers), strict=True):
+            yield Finding(Kind.NO_OWNER, f"signal {signal.kind}", wrong, right, ("signal", index, "key"))
+        for number, pair in enumerate(signal.reach):
+            for name, kind, known in zip(pair, ("writer", "reader"), (signal.writers, signal.readers), strict=True):
                 if name not in known:
                     wrong, right = f"reach names {name!r}, which is no {kind} of it", f"one of {', '.join(known)}"
                     yield Finding(
-                        Kind.UNDEFINED, f"house {house.kind}", wrong, right, ("house", index, "reach", number)
+                        Kind.UNDEFINED, f"signal {signal.kind}", wrong, right, ("signal", index, "reach", number)
                     )

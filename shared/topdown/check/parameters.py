@@ -9,16 +9,16 @@ from topdown.model.findings import Finding, Kind
 from topdown.model.loading import Path_
 from topdown.model.parameters import COUNTABLE, Parameters
 
-HOUSE = "control"
-"""The kind of house key by which parameters are set."""
+SIGNAL = "control"
+"""The kind of signal by which parameters are set."""
 
 
 def findings(design: Design) -> Iterator[Finding]:
     """Parameters that nobody could set, or that no value fits."""
-    readers = {name for house in design.file.house if house.kind == HOUSE for name in house.readers}
+    readers = {name for signal in design.signals.values() if signal.kind == SIGNAL for name in signal.readers}
     for index, agent in enumerate(design.file.agent):
         if agent.parameter and agent.name not in readers:
-            wrong = f"has parameters, but reads no [[house]] of kind {HOUSE!r}, so nobody can set them"
+            wrong = f"has parameters, but reads no [[signal]] of kind {SIGNAL!r}, so nobody can set them"
             yield Finding(Kind.PARAMETER, f"agent {agent.name}", wrong, "name it among the readers", ("agent", index))
         for number, entry in enumerate(agent.parameter):
             yield from _of(agent, entry, ("agent", index, "parameter", number))

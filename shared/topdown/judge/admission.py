@@ -25,6 +25,10 @@ UNKNOWN_KINDS = (Kind.PLAIN, Kind.PROGRESS, Kind.FINAL)
 """Kinds an inform may have whose content cannot be read."""
 
 
+Read = tuple[str | None, Kind | None]
+"""LANGUAGE.Class ("" for none) and kind of a content that was read before; None where it is not known."""
+
+
 class Fault(NamedTuple):
     """A fault, and why."""
 
@@ -58,8 +62,8 @@ class Admission:
 
         self.parts = parts
 
-    def check(self, key: str, one: Communicate, size: int, read: tuple[str, Kind] | None = None) -> Admitted:
-        """`read`: LANGUAGE.Class ("" for none) and kind of the content, where it was read before and is not there."""
+    def check(self, key: str, one: Communicate, size: int, read: Read | None = None) -> Admitted:
+        """`read`: what the content is, where it is not there."""
         name, kind, unread = self._read(one) if read is None else (*read, None)
         words = (key, one.sender, one.receiver, one.protocol, one.performative, one.language, one.ontology, name)
         known = self._fine.get(words)

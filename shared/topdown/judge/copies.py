@@ -57,10 +57,10 @@ class Known(Enum):
 
 
 class Copies:
-    """Ids that were heard, with what was said under them."""
+    """Ids that were heard, with what was said under them; of some nobody knows the content."""
 
     def __init__(self) -> None:
-        self._prints: defaultdict[str, Remembered[int]] = defaultdict(lambda: Remembered(REMEMBERED))
+        self._prints: defaultdict[str, Remembered[tuple[int, int]]] = defaultdict(lambda: Remembered(REMEMBERED))
         self._journals: defaultdict[str, int] = defaultdict(int)
 
     def note(self, heard: Heard, rule: Rule) -> Known:
@@ -72,13 +72,14 @@ class Copies:
         if one is None or not one.id:
             return Known.NEW
         words = 0 if one.content is msgspec.UNSET else zlib.crc32(one.content)
-        found = hash((heard.key, one.conversation, one.reply_with, one.in_reply_to, words))
+        found = hash((heard.key, one.conversation, one.reply_with, one.in_reply_to)), words
         receiver = (one.receiver, self._journals[one.receiver]) if one.receiver in self._journals else one.receiver
         identity = (receiver, one.id, one.conversation if rule.latest else "")
         before = self._prints[one.sender].note(identity, found)
         if before is None:
             return Known.NEW
-        return Known.SAME if before == found else Known.OTHER
+        same = before[0] == found[0] and (before[1] == words or 0 in (before[1], words))
+        return Known.SAME if same else Known.OTHER
 
     def forget(self, agent: str) -> None:
         """The agent lost its journal: it numbers from 1 again, and so does who speaks to it."""

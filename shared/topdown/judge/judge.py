@@ -6,14 +6,13 @@ explains waits up to `patience_s` for one that does. Time comes in as an argumen
 beginning was not heard is not judged, and never an alarm.
 """
 
-import math
 from itertools import count
 
 from fipa_codec.communicate import Communicate, decode_strictly, number_of
 from fipa_codec.errors import MalformedError
-from fipa_codec.languages import Kind, Languages
+from fipa_codec.languages import Languages
 from fipa_codec.tables import Role
-from topdown.judge.admission import Admission
+from topdown.judge.admission import Admission, Read
 from topdown.judge.conversations import Entry, Talk, Talks
 from topdown.judge.copies import Copies, Known, Pair, Streams
 from topdown.judge.timers import Timers
@@ -43,7 +42,6 @@ class Judge:
         self._lives: dict[str, int] = {}
         self._journals: dict[str, str] = {}
         self._whole: set[str] = set()
-        self._deaf_until = -math.inf
         self._found: list[Judgement] = []
 
     # --- what comes in ------------------------------------------------------------------------------------------------
@@ -54,13 +52,12 @@ class Judge:
         said: bytes | Communicate,
         at: float,
         size: int = 0,
-        read: tuple[str, Kind] | None = None,
-        log: str = "",
+        read: Read | None = None,
     ) -> tuple[Judgement, ...]:
         """A communicate went by on `key` at `at` [s]; `size` [bytes], where it is not given as bytes.
 
-        `read`: LANGUAGE.Class ("" for none) and kind of the content, where that was read before. `log`: the agent that
-        noted it, where nobody else heard it. Judgements of it, and of earlier ones that it explains.
+        `read`: LANGUAGE.Class ("" for none) and kind of the content, where that was read before or (None) nobody can
+        read it. Judgements of it, and of earlier ones that it explains.
         """
         self._advance(at)
         one: Communicate | None = None
@@ -73,18 +70,18 @@ class Judge:
                 one = decode_strictly(said)
             except MalformedError as error:
                 why = str(error)
-        heard = Heard(next(self._numbers), at, key, size, one, log)
+        heard = Heard(next(self._numbers), at, key, size, one)
         if one is None:
             self._say(Verdict.MALFORMED, heard, (self._admission.parts(key) or {}).get("channel", ""), why)
         else:
             self._admit(heard, one, read)
         return self._told()
 
-    def noted(self, key: str, why: str, at: float, log: str) -> tuple[Judgement, ...]:
-        """An agent noted bytes that were no communicate, which nobody else heard, and why; not the bytes themselves."""
+    def noted(self, key: str, why: str, at: float) -> tuple[Judgement, ...]:
+        """An agent noted that it got bytes that are not a communicate, and why; not the bytes themselves."""
         self._advance(at)
         channel = (self._admission.parts(key) or {}).get("channel", "")
-        self._say(Verdict.MALFORMED, Heard(next(self._numbers), at, key, 0, None, log), channel, why)
+        self._say(Verdict.MALFORMED, Heard(next(self._numbers), at, key, 0, None), channel, why)
         return self._told()
 
     def pass_time(self, now: float) -> tuple[Judgement, ...]:
@@ -114,23 +111,6 @@ class Judge:
             self._reborn(agent)
         return self._told()
 
-    def deaf(self, since: float, at: float, sender: str = "") -> tuple[Judgement, ...]:
-        """From `since` until `at` [s] something may have been said that was not heard: open conversations are judged no
-        more, nor is anybody blamed for a deadline in between.
-
-        `sender`: by this agent alone; its conversations.
-        """
-        self._advance(since)
-        self._deaf_until = max(self._deaf_until, at)
-        if sender:
-            self._whole.discard(sender)
-            self._lose([talk for talk in self._talks if sender in talk.agents], self._streams.forget(sender))
-        else:
-            self._whole.clear()
-            self._lose(list(self._talks), self._streams.forget())
-        self._advance(at)
-        return self._told()
-
     def finish(self, at: float) -> tuple[Judgement, ...]:
         """Nothing more will be heard after `at` [s]: what still waits is judged."""
         self._timers.run(at)
@@ -140,7 +120,7 @@ class Judge:
 
     # --- one communicate ----------------------------------------------------------------------------------------------
 
-    def _admit(self, heard: Heard, one: Communicate, read: tuple[str, Kind] | None) -> None:
+    def _admit(self, heard: Heard, one: Communicate, read: Read | None) -> None:
         """By itself; as a copy; then in its place."""
         admitted = self._admission.check(heard.key, one, heard.size, read)
         rule = admitted.rule
@@ -218,10 +198,6 @@ class Judge:
         talk.at = entry.heard.at
         if talk.followed is None and not talk.lost and self._talks.opens(one):
             self._talks.open(talk, entry)
-            if one.sent and one.sent <= self._deaf_until:  # perhaps a copy, and what was said since was not heard
-                self._lose([talk], [entry])
-                self._lose([talk], [])
-                return
         if talk.lost:
             self._pass_over(entry, talk.lost)
         elif talk.followed is None or self._behind(talk, entry) or not self._took(talk, entry):

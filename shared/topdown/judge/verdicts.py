@@ -35,24 +35,26 @@ class Verdict(StrEnum):
     """An agent that the design does not know, or one that may not say this act in this protocol to that receiver."""
     MALFORMED = "malformed"
     """Bytes that are not a communicate."""
+    NOT_TAKEN = "not taken"
+    """Said, and nobody took it: its receiver was down, frozen or out of reach."""
+    NOT_SAID = "not said"
+    """Taken, and its sender did not say it: somebody else did, in its name."""
+    ALTERED = "altered"
+    """Its receiver took other words than its sender said."""
 
 
-FINE = frozenset({Verdict.LEGAL, Verdict.COPY, Verdict.SLOW, Verdict.NOT_JUDGED})
+FINE = frozenset({Verdict.LEGAL, Verdict.COPY, Verdict.SLOW, Verdict.NOT_JUDGED, Verdict.NOT_TAKEN})
 VIOLATIONS = frozenset(Verdict) - FINE
 
 
 class Heard(msgspec.Struct, frozen=True, gc=False):
-    """The `n`-th sample (from 1), heard at `at` [s] on `key`; `size` [bytes]; None: not a communicate.
-
-    `log`: the agent that noted it, where nobody else heard it.
-    """
+    """The `n`-th sample (from 1), heard at `at` [s] on `key`; `size` [bytes]; None: not a communicate."""
 
     n: int
     at: float
     key: str
     size: int
     communicate: Communicate | None
-    log: str = ""
 
 
 class Judgement(msgspec.Struct, frozen=True):

@@ -122,9 +122,18 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         return {interface.name: interface for interface in self.file.interface}
 
     @cached_property
-    def houses(self) -> dict[str, elements.House]:
-        """Return the kinds of traffic beside communicates."""
-        return {house.kind: house for house in self.file.house}
+    def signals(self) -> dict[str, elements.Signal]:
+        """The kinds of traffic beside communicates, each with the names of its writers and readers."""
+        return {entry.kind: self.with_agents(entry) for entry in self.file.signal}
+
+    def with_agents(self, signal: elements.Signal) -> elements.Signal:
+        """The signal with the names of all agents in place of the word for them."""
+        every = {elements.AGENTS: tuple(self.agents)}
+        writers, readers = (
+            tuple(dict.fromkeys(one for name in names for one in every.get(name, (name,))))
+            for names in (signal.writers, signal.readers)
+        )
+        return msgspec.structs.replace(signal, writers=writers, readers=readers)
 
     @cached_property
     def own_tables(self) -> dict[str, Protocol]:
@@ -196,10 +205,10 @@ class Design(msgspec.Struct, frozen=True, dict=True):
             system=system, channel="*", sender="*", receiver=receiver, protocol="*", performative="*"
         )
 
-    def house_key(self, kind: str, *, system: str, owner: str, peer: str = "*", incarnation: int | str = "*") -> str:
+    def signal_key(self, kind: str, *, system: str, owner: str, peer: str = "*", incarnation: int | str = "*") -> str:
         """Return the key expression of traffic other than communicates."""
-        house = _look_up("house key", kind, self.houses)
-        return house.key.format(system=system, owner=owner, peer=peer, incarnation=incarnation)
+        signal = _look_up("signal", kind, self.signals)
+        return signal.key.format(system=system, owner=owner, peer=peer, incarnation=incarnation)
 
     def allowed(self, sender: str, receiver: str, protocol: str) -> frozenset[Performative]:
         """The acts one agent may say to another in a protocol."""

@@ -37,8 +37,13 @@ class System(Entry, frozen=True):
     recorders: tuple[str, ...] = ()
 
 
-class House(Entry, frozen=True):
-    """Traffic other than communicates (liveliness, receipts, pings ...): its key template, its writers and readers.
+AGENTS = "agents"
+"""Among a signal's writers or readers: every agent of the design."""
+
+
+class Signal(Entry, frozen=True):
+    """Traffic other than communicates (liveliness, receipts, pings ...): its key template, its writers and readers
+    (AGENTS among them stands for every agent).
 
     `reach`: pairs of a writer and a peer; a writer that is named here writes to no other peers.
     """
@@ -319,7 +324,7 @@ class DesignFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     interface: tuple[Interface, ...]
     protocol: tuple[Protocol, ...]
     agent: tuple[Agent, ...]
-    house: tuple[House, ...] = ()
+    signal: tuple[Signal, ...] = ()
     ontology: tuple[Ontology, ...] = ()
     table: tuple[Table, ...] = ()
     never: tuple[Never, ...] = ()

@@ -20,6 +20,9 @@ _HEADER = re.compile(r"^\s*(\[\[?)\s*([\w.-]+)\s*\]\]?\s*(?:#.*)?$")
 _TOML_LINE = re.compile(r"\(at line (\d+), column \d+\)")
 _UNKNOWN = re.compile(r"unknown field `([^`]+)`")
 
+_RENAMED = {"house": "signal"}
+"""Top-level entries of designs that were written before: old name -> the name now."""
+
 _TOML = "the file must be TOML 1.0"
 
 Path_ = tuple[str | int, ...]
@@ -63,7 +66,8 @@ def _not_fitting(error: msgspec.ValidationError, text: str, name: str) -> Design
     unknown = _UNKNOWN.search(wrong)
     line = line_of(text, (*path, unknown.group(1)) if unknown else path)
     field = ".".join(f"[{part}]" if isinstance(part, int) else part for part in path).replace(".[", "[") or "(file)"
-    return DesignError(name, line, field, wrong, _right(path, wrong))
+    now = _RENAMED.get(unknown.group(1)) if unknown and not path else None
+    return DesignError(name, line, field, wrong, f"it is called [[{now}]] now" if now else _right(path, wrong))
 
 
 def parts(path: str) -> Path_:

@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 
 from topdown.model.design import Design
-from topdown.model.elements import House
+from topdown.model.elements import Signal
 
 ROUTER = "router"
 """The identity of the router: it listens, and has no right as a client."""
@@ -47,7 +47,7 @@ class Right(msgspec.Struct, frozen=True, order=True):
 
 
 class Family(msgspec.Struct, frozen=True, order=True):
-    """Keys that are one thing to the design: a communicate's act on a channel, or one owner's key of a house kind.
+    """Keys that are one thing to the design: a communicate's act on a channel, or one owner's key of a kind of signal.
 
     `key`: with * for the number of an incarnation only. `what`: the channel, or the kind; `peer` "" where none.
     """
@@ -62,7 +62,7 @@ class Family(msgspec.Struct, frozen=True, order=True):
 
 def identities(design: Design, routers: int = 1) -> tuple[str, ...]:
     """Return agents, then other readers and writers, then the routers: each has a certificate of its own."""
-    others = [name for house in design.file.house for name in (*house.writers, *house.readers)]
+    others = [name for signal in design.signals.values() for name in (*signal.writers, *signal.readers)]
     return tuple(dict.fromkeys([*design.agents, *design.file.system.recorders, *others, *ROUTERS[:routers]]))
 
 
@@ -78,7 +78,7 @@ def families(design: Design, system: str) -> tuple[Family, ...]:
         )
         for rule in design.rules.values()
     ]
-    return (*said, *(family for house in design.file.house for family in _of_house(design, system, house)))
+    return (*said, *(family for signal in design.signals.values() for family in _of_signal(design, system, signal)))
 
 
 def rights(design: Design, system: str) -> tuple[Right, ...]:
@@ -192,31 +192,31 @@ def _ears(design: Design, system: str, identity: str) -> dict[Action, list[str]]
         ears[Action.SUBSCRIBE].append(design.keys_to(system, identity))
     if identity in design.file.system.recorders:
         ears[Action.SUBSCRIBE].append(_all_of(design, system))
-    for house in design.file.house:
-        if identity in house.readers:
+    for signal in design.signals.values():
+        if identity in signal.readers:
             peer = identity if identity in design.agents else "*"
-            key = design.house_key(house.kind, system=system, owner="*", peer=peer)
-            ears[Action.WATCH if _is_token(house) else Action.SUBSCRIBE].append(key)
+            key = design.signal_key(signal.kind, system=system, owner="*", peer=peer)
+            ears[Action.WATCH if _is_token(signal) else Action.SUBSCRIBE].append(key)
     return ears
 
 
-def _of_house(design: Design, system: str, house: House) -> Iterator[Family]:
-    for owner in house.writers:
-        named = [peer for writer, peer in house.reach if writer == owner]
+def _of_signal(design: Design, system: str, signal: Signal) -> Iterator[Family]:
+    for owner in signal.writers:
+        named = [peer for writer, peer in signal.reach if writer == owner]
         peers = named or (design.peers(owner) if owner in design.agents else design.agents)
-        for peer in sorted(peers) if _PEER in house.key else [""]:
-            key = design.house_key(house.kind, system=system, owner=owner, peer=peer)
-            yield Family(key=key, what=house.kind, owner=owner, peer=peer, token=_is_token(house))
+        for peer in sorted(peers) if _PEER in signal.key else [""]:
+            key = design.signal_key(signal.kind, system=system, owner=owner, peer=peer)
+            yield Family(key=key, what=signal.kind, owner=owner, peer=peer, token=_is_token(signal))
 
 
-def _is_token(house: House) -> bool:
+def _is_token(signal: Signal) -> bool:
     """Whether a key names an incarnation: then it carries a liveliness token, not a message."""
-    return _INCARNATION in house.key
+    return _INCARNATION in signal.key
 
 
 def _hearers(design: Design, family: Family) -> tuple[str, ...]:
     """Return the identities that may hear it: of a communicate its receiver and the recorders, else the readers."""
     if family.act:
         return (family.peer, *design.file.system.recorders)
-    readers = design.houses[family.what].readers
+    readers = design.signals[family.what].readers
     return tuple(name for name in readers if not family.peer or name == family.peer or name not in design.agents)

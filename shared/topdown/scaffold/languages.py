@@ -2,7 +2,7 @@
 
 from topdown.model import elements
 from topdown.model.design import Design
-from topdown.scaffold.naming import classes, docstring, module, sentence, wrapped
+from topdown.scaffold.naming import WIDTH, classes, docstring, module, sentence, wrapped
 
 
 def language_files(design: Design, package: str) -> dict[str, str]:
@@ -55,10 +55,11 @@ def _module(design: Design, language: elements.Language, words: tuple[str, ...])
 def _union(words: tuple[str, ...]) -> str:
     if not words:
         return "Content = Sentence"
-    line = f"Content = {' | '.join(words)}"
-    if len(line) <= 120:
-        return line
-    return "\n".join(("Content = (", f"    {words[0]}", *(f"    | {word}" for word in words[1:]), ")"))
+    line = " | ".join(words)
+    if len(f"Content = {line}") <= WIDTH:
+        return f"Content = {line}"
+    lines = (line,) if len(f"    {line}") <= WIDTH else (words[0], *(f"| {word}" for word in words[1:]))
+    return "\n".join(("Content = (", *(f"    {one}" for one in lines), ")"))
 
 
 def _uses(design: Design, language: str) -> dict[str, tuple[str, ...]]:

@@ -7,16 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.languages import rc
-from companion.languages.evidence import ABOUT_THINGS, Claim, Evidence, Sense, fitting, newest, unchecked
+from companion.acts import ACTS, AnyAct
+from companion.languages.evidence import AnyClaim, Claim, Evidence, Sense, fitting, newest, unchecked
+from companion.languages.open_enums import members
 from companion.sentences import Reader, catalogue
 
 pytestmark = pytest.mark.timeout(60)
+CLAIMS = members(AnyClaim)
 THINGS = st.sampled_from(["jar_1", "bowl_1", ""])
 TOLD = st.lists(
     st.builds(
         Evidence,
-        st.sampled_from(Claim),
+        st.sampled_from(list(CLAIMS.values())),
         THINGS,
         st.lists(st.sampled_from(Sense), unique=True, max_size=3).map(tuple),
         st.floats(0.0, 1e6),
@@ -27,12 +29,27 @@ TOLD = st.lists(
 
 def test_each_act_says_what_must_be_true_after_it() -> None:
     """No act without a row, no claim without words, no check of a thing that the command does not name."""
-    assert set(rc.CHECKS) == set(get_args(rc.Act))
-    assert all(set(catalogue(reader).claim) == set(Claim) for reader in Reader)
-    for act, checks in rc.CHECKS.items():
-        assert checks, act
-        assert all(check.by for check in checks)
-        assert {check.of for check in checks if check.of} <= set(act.__struct_fields__)
+    assert set(ACTS) == set(get_args(AnyAct))
+    assert all(set(catalogue(reader).claim) == set(CLAIMS) for reader in Reader)
+    for act, row in ACTS.items():
+        assert row.checks, act
+        assert all(check.by for check in row.checks)
+        assert {check.of for check in row.checks if check.of} <= set(act.__struct_fields__)
+
+
+def test_each_claim_is_one_of_a_check() -> None:
+    """Else its words are for nothing; and a check of a claim names a known one."""
+    assert {check.claim for row in ACTS.values() for check in row.checks} == set(CLAIMS.values())
+
+
+@pytest.mark.parametrize("claim", CLAIMS.values())
+def test_a_claim_survives_the_wire(claim: AnyClaim) -> None:
+    """As the same member, with what it says of itself; an unknown one is refused."""
+    data = msgspec.msgpack.encode(Evidence(claim, "jar_1"))
+    assert msgspec.msgpack.decode(data)[0] == claim.value
+    assert msgspec.msgpack.decode(data, type=Evidence).claim is claim
+    with pytest.raises(msgspec.ValidationError, match="unknown AnyClaim 'flies'"):
+        msgspec.msgpack.decode(msgspec.msgpack.encode(("flies", "jar_1")), type=Evidence)
 
 
 @given(TOLD, TOLD, st.sets(THINGS))
@@ -41,7 +58,7 @@ def test_the_last_word_counts(known: list[Evidence], told: list[Evidence], held:
     found = newest(known, told, held)
     assert len({(one.claim, one.of) for one in found}) == len(found)
     for one in found:
-        assert one.claim in ABOUT_THINGS
+        assert one.claim.kept
         assert one == next(word for word in reversed([*known, *told]) if (word.claim, word.of) == (one.claim, one.of))
         assert one.claim is not Claim.STANDS or one.of not in held
         assert one.claim is not Claim.HELD or one.of in held

@@ -9,12 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic import with_truth
 
+from companion.all_languages import LANGUAGES, RC, WM
 from companion.asking import Heard
-from companion.languages import LANGUAGES, RC, WM, rc, rs, wm
+from companion.languages import rc, rs, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side, Uncertainty
+from companion.tasks.pour.done import Pour
+from companion.tasks.pour.verdict import share
 from companion.tools.beliefs import Beliefs
 from companion.tools.report import believed, page, report
+from companion.tools.report.judges import Share
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from fipa_codec.communicate import encode
@@ -109,7 +113,7 @@ observations = st.one_of(
     sights,
     st.just(wm.PlacedObject("jar_1", "jar", Pose((0.6, 0.0, 0.875)), 2.0)),
     st.sampled_from([wm.SeenHand(Side.LEFT), wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0)))]),
-    st.sampled_from([wm.LostObject("jar_1", Side.LEFT), wm.MissingObject("jar_1")]),
+    st.sampled_from([wm.LostObject("jar_1", Side.LEFT), wm.GivenObject("jar_1", Side.LEFT), wm.MissingObject("jar_1")]),
 )
 
 
@@ -175,17 +179,17 @@ def test_nothing_older_than_a_lost_world_counts(past: History) -> None:
 
 def test_the_poured_share_is_believed_by_weight(past: History) -> None:
     """The recording is of before pours were weighed; with weights, half of the content left the jar."""
-    assert believed.share(past) == believed.Share(None, None, None, 1.0)
-    (key,) = {one.content.key for one in past.said if isinstance(one.content, rc.Pour)}
+    assert share(past) == Share(None, None, None, 1.0)
+    (key,) = {one.content.key for one in past.said if isinstance(one.content, Pour)}
     (done,) = [one for one in past.said if isinstance(one.content, rc.Done) and one.content.key == key]
-    empty = next(one.content.empty_mass for one in past.said if isinstance(one.content, rc.Pour))
+    empty = next(one.content.empty_mass for one in past.said if isinstance(one.content, Pour))
     seen = (rs.Seen("bowl_1", "bowl_high", Pose((0.6, -0.5, 0.775)), 60.0, content=0.028),)
     content = msgspec.structs.replace(done.content, weighed=(empty + 0.06, empty + 0.03), seen=seen)
     one = saying(done, content, done.id, done.received)
     weighed = msgspec.structs.replace(past, said=tuple(one if other is done else other for other in past.said))
-    share = believed.share(weighed)
-    assert (share.believed, share.left_kg, share.content_kg) == tuple(map(pytest.approx, (0.5, 0.03, 0.06)))
+    half = share(weighed)
+    assert (half.believed, half.left_kg, half.content_kg) == tuple(map(pytest.approx, (0.5, 0.03, 0.06)))
     text = page.rendered(weighed, report.build(weighed), "run")
-    assert share.seen_kg == 0.028
+    assert half.seen_kg == 0.028
     assert "50\u00a0% by weight (30\u00a0g of 60\u00a0g left the jar), about 28\u00a0g seen in the bowl, " in text
     assert "100\u00a0% in truth" in text

@@ -18,7 +18,7 @@ INSIDE = f"""
 import mmap, os, shutil, subprocess, sys
 from pathlib import Path
 LOOP = '''
-import mmap, os, sys, time
+import mmap, os, signal, sys, time
 file = os.open("stop", os.O_RDWR | os.O_CREAT, 0o600)
 os.pwrite(file, bytes(1), 0)
 byte = mmap.mmap(file, 1)
@@ -26,6 +26,7 @@ print("mapped", flush=True)
 while byte[:1] != bytes([1]):
     time.sleep(0.001)
 print("held", flush=True)
+signal.pause()  # a loop goes on when it is held
 '''
 here, gone, elsewhere = (Path(sys.argv[1]) / name for name in ("here", "gone", "elsewhere"))
 elsewhere.mkdir()

@@ -1,6 +1,5 @@
 """Table of runs that did the main job or not: one thing changed at a time."""
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +11,10 @@ from synthetic import Run
 from companion.languages import cmd, hfsm, rc, sw
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
+from companion.tasks.pour.command import PourInto
+from companion.tasks.pour.verdict import poured
+from companion.tasks.put_down.command import PutDown
+from companion.tasks.take.command import Take
 from companion.telemetry import TrueState
 from companion.tools.report import events, plans, report, story, verdict
 from companion.tools.system import SYSTEM
@@ -72,16 +75,16 @@ def test_a_truth_from_before_the_end_of_the_task_is_none(pouring: Run, before_s:
         if before_s < 1.0
         else "the true state of the simulation was not recorded at the end of the task, only at other times"
     )
-    assert (verdict.poured(past, command).fraction is None) == (before_s > 1.0)
+    assert (poured(past, command).fraction is None) == (before_s > 1.0)
 
 
 def put_down(run: Run) -> None:
     """The person has the jar put down after the pour, and the content is tipped out of the bowl meanwhile."""
     talk = run.name("hi")
-    run.say("hi", "co", P.REQUEST, cmd.PutDown("jar"), talk=talk, protocol="request")
+    run.say("hi", "co", P.REQUEST, PutDown("jar"), talk=talk, protocol="request")
     asked = hfsm.GroundTaskNetwork(f"{talk}-plan1", (hfsm.Task("put_down", ("jar",)),))
     release = rc.Release("r2", Side.LEFT, "jar_1", "table_1", Pose(synthetic.BOWL_END), ())
-    plan = run.planning(asked, 3, hfsm.Machine("put", "release0", (hfsm.ActState("release0", release),)), 0.3)
+    plan = run.planning(asked, 3, synthetic.put(release), 0.3)
     run.running(plan, sw.WorkerState.SUCCEEDED, {"Release": 4.0})
     run.say("co", "hi", P.INFORM, cmd.TaskReport(cmd.TaskState.DONE), talk=talk, protocol="request")
     run.inside = {"jar_1": 0, "bowl_1": 0}
@@ -107,7 +110,7 @@ def test_each_pour_of_a_run_has_its_own_verdict() -> None:
     run = synthetic.pour(queries=5)
     put_down(run)
     talk = run.name("hi")
-    run.say("hi", "co", P.REQUEST, cmd.PourInto("jar", "bowl"), talk=talk, protocol="request")
+    run.say("hi", "co", P.REQUEST, PourInto("jar", "bowl"), talk=talk, protocol="request")
     run.say("co", "hi", P.INFORM, cmd.TaskReport(cmd.TaskState.DONE), talk=talk, protocol="request")
     run.wait(1.0)
     told = report.build(_past(run))
@@ -179,7 +182,7 @@ def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
 
 
 @pytest.mark.parametrize("agreed", [False, True])
-@pytest.mark.parametrize("command", [cmd.Take("cup"), cmd.PourInto("cup", "bowl")])
+@pytest.mark.parametrize("command", [Take("cup"), PourInto("cup", "bowl")])
 def test_another_command_that_comes_to_nothing_is_no_failure(command: cmd.Command, agreed: bool) -> None:
     """The content is in the bowl; what else was asked for is told beside it, by its own name."""
     run = synthetic.pour(queries=5)
@@ -187,8 +190,8 @@ def test_another_command_that_comes_to_nothing_is_no_failure(command: cmd.Comman
     past = _past(run)
     assert verdict.failure(past) is None
     told = {event.name: event.text for event in events.events(past)}
-    name = "ended, failed" if agreed else "refused"
-    assert told[f"{name}: {plans.asked(plans.commands(past)[-1])}"]
+    name = ("ended", "failed") if agreed else ("refused",)
+    assert told[" ".join((*name, *plans.asked_of(plans.commands(past)[-1])))]
     assert told["finished"]
     assert [bar.end >= bar.start for bar in story.bars(past)].count(False) == 0
     assert sum("refused" in text for bar in story.bars(past) for text in bar.texts) == 0
@@ -197,7 +200,7 @@ def test_another_command_that_comes_to_nothing_is_no_failure(command: cmd.Comman
 def test_a_plan_of_the_job_that_is_refused_stays_a_failure() -> None:
     """Also while other commands are refused."""
     run = synthetic.pour(queries=5)
-    aside(run, cmd.Take("cup"), agreed=False)
+    aside(run, Take("cup"), agreed=False)
     past = _past(run)
     kept = tuple(one for one in past.said if not (one.channel == "C3" and one.sender == "pl"))
     assert "no answer came" in str(verdict.failure(msgspec.structs.replace(past, said=kept)))
@@ -220,7 +223,7 @@ def test_a_plan_that_was_put_off_is_no_plan() -> None:
 def test_a_refused_pour_before_the_one_that_was_done_is_not_the_job() -> None:
     """The report is of the command that was taken."""
     run = synthetic.pour(queries=5)
-    talk = aside(run, cmd.PourInto("jar", "bowl"), agreed=False)
+    talk = aside(run, PourInto("jar", "bowl"), agreed=False)
     past = _past(run)
     first = tuple(one for one in past.said if one.conversation == talk)
     past = msgspec.structs.replace(past, said=(*first, *(one for one in past.said if one not in first)))
@@ -254,16 +257,5 @@ def test_a_job_that_was_done_is_done_whoever_died_then(pouring: Run) -> None:
     assert str(verdict.failure(past)).startswith("km did not run (backing-off: killed by signal 9); ")
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.5, math.pi / 2, -2.0])
-def test_a_point_on_a_turned_table_is_on_it(yaw: float) -> None:
-    """A corner of the top belongs to it, whichever way the table is turned; a point outside does not."""
-    table = Pose((1.0, 2.0, 0.0), (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
-    for reach, inside in ((0.45, True), (0.47, False)):
-        x = 1.0 + reach * math.cos(yaw) - reach * math.sin(yaw)
-        y = 2.0 + reach * math.sin(yaw) + reach * math.cos(yaw)
-        assert verdict._stands_on(x, y, 0.775, "table", table) is inside
-        assert not verdict._stands_on(x, y, 0.9, "table", table)
-
-
 def _past(run: Run) -> history.History:
-    return history.merged([understood(sample, SYSTEM) for sample in run.samples], {}, SYSTEM)
+    return history.of_records([understood(sample, SYSTEM) for sample in run.samples], SYSTEM)

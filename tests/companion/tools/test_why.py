@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from companion.languages import hfsm, rc
+from companion.tools.why.plans import _ends
 from operate.cli.__main__ import app
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
@@ -63,3 +65,15 @@ def test_beliefs_change() -> None:
     assert "its content is in bowl" in str(asked("why", "jar"))
     done = CliRunner().invoke(app, ["why", "jar", "--at", "3", "--run", str(POUR)])
     assert (done.exit_code, "is no task of this run" in done.stderr) == (2, True)
+
+
+def test_an_end_that_only_a_failure_reaches_is_told_as_one() -> None:
+    """A plan that has another way for an act that fails is not to end so."""
+    failing = hfsm.Arc(hfsm.Outcome.FAILED, "failed")
+    look = hfsm.ActState("look", rc.Look(key="k", at=()), arcs=(failing, hfsm.Arc(hfsm.Outcome.SUCCEEDED, "replan")))
+    ends = (hfsm.EndState("failed", hfsm.Outcome.FAILED), hfsm.EndState("replan", hfsm.Outcome.REPLAN))
+    said = list(_ends(hfsm.Machine("root", "look", (look, *ends))))
+    assert said == [
+        "the plan ends, if an act fails, with failed",
+        "the plan is to end with replan",
+    ]

@@ -12,6 +12,7 @@ from companion.binding import wiring
 from companion.languages import rc
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
+from companion.tasks.pour.done import Pour
 from fipa_codec.performatives import Performative as P
 from services.executor import behaviours
 from services.executor.words import wrong
@@ -33,7 +34,7 @@ class Scene:
 
         self.wires.add(behaviours.agent(), wiring("ex", "test"), robot)
 
-    def ask(self, command: rc.Act) -> None:
+    def ask(self, command: rc.Command) -> None:
         self.wires.post("ta", Open("ex", "request", P.REQUEST, command))
 
     def until(self, *performatives: str) -> None:
@@ -82,10 +83,10 @@ def test_one_act_at_a_time(scene: Scene) -> None:
         (rc.MoveCartesian("a", Side.LEFT, ()), "segments", "empty"),
         (rc.Grasp("a", Side.LEFT, "jar_1", "g", (), 0.1, 0.3, 0.2), "approach", "empty"),
         (rc.Look("a", ()), "at", "point"),
-        (rc.Pour("a", Side.LEFT, "jar_1", "bowl_1", float("inf"), 0.0, (0.0, 1.0), 1.0, 0.1), "azimuth", "finite"),
+        (Pour("a", Side.LEFT, "jar_1", "bowl_1", float("inf"), 0.0, (0.0, 1.0), 1.0, 0.1), "azimuth", "finite"),
     ],
 )
-def test_what_makes_no_sense_is_refused(scene: Scene, command: rc.Act, field: str, words: str) -> None:
+def test_what_makes_no_sense_is_refused(scene: Scene, command: rc.Command, field: str, words: str) -> None:
     """Nothing moves, the reason names what is wrong, and the next act is served."""
     found = wrong(command)
     assert found is not None

@@ -13,6 +13,7 @@ from companion.binding import wiring
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Pose, Side
+from companion.skills.loop_messages import motion
 from fipa_codec.performatives import Performative as P
 from services.executor import behaviours
 from services.executor.behaviours import SKILL_WITHIN_S
@@ -35,7 +36,6 @@ from services.executor.local import (
     Stands,
     Where,
 )
-from services.executor.loop.program import motion
 from services.executor.remembered import Holding, Remembered
 
 Q = np.linspace(0.0, 1.4, 15)
@@ -102,7 +102,7 @@ STATES: dict[str, Callable[[], Driven]] = {
 }
 
 
-def ask(one: Driven, command: rc.Act, talk: str) -> None:
+def ask(one: Driven, command: rc.Command, talk: str) -> None:
     """ta's request."""
     one.hears("ta", "request", P.REQUEST, command, talk=talk)
 

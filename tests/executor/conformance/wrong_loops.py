@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from companion.skills.loop_messages import Mode
 from services.executor.loop import slots
 from services.executor.loop.core import LoopCore
 from services.executor.loop.process import LoopProcess
-from services.executor.loop.program import Mode
 from services.executor.loop.slots import Slot
 from services.executor.loop.timing import Pacer
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from companion.languages.facts import Kind, fact
+from companion.skills.loop_messages import Close, HandReport, Phase, Until, motion
 from services.executor.loop.act import Act
-from services.executor.loop.program import Close, HandReport, Phase, Until, motion
 from velma.names import START
 
 WHY = (fact(Kind.CANCELLED),)

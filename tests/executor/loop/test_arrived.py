@@ -5,8 +5,8 @@ import pytest
 from grips import DYNAMICS
 
 from companion.languages.facts import Kind
+from companion.skills.loop_messages import Move, Phase, motion
 from services.executor.loop.core import JOINT_OFF, LoopCore
-from services.executor.loop.program import Move, Phase, motion
 from velma.model import scene
 from velma.names import BODY
 from velma.sim.mujoco_backend import MujocoBackend

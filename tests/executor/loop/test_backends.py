@@ -8,10 +8,10 @@ import time
 import numpy as np
 import pytest
 
+from companion.skills.loop_messages import Phase, motion
 from services.executor.loop.backends import SHORT, maker
 from services.executor.loop.link import AgentLink
-from services.executor.loop.program import Phase, motion
-from velma.errors import BackendError, SlotError
+from velma.errors import BackendError, NoRobotError, SlotError
 from velma.model import scene
 from velma.names import START
 from velma.sim.mock_backend import MockBackend
@@ -42,6 +42,12 @@ class Marked(MockBackend):
 make = Marked
 for_scene = lambda scene: scene
 half = object
+def broken():
+    raise OSError("no robot at 10.0.0.1")
+def told_nothing():
+    made = MockBackend()
+    made.observe = lambda: {}
+    return made
 number = 5
 '''
 
@@ -131,6 +137,18 @@ def test_a_wrong_name_is_told_what_is_wrong_what_is_right_and_what_to_do(lab, na
     wanted, do = ("velma.sim.backend.Backend", "docs/back-ends.md") if "made a" in found else (SHORT, "mend the name")
     assert all(word in said for word in ([wanted] if isinstance(wanted, str) else wanted))
     assert do in said
+
+
+def test_what_its_function_raises_is_told(lab):
+    """The robot may answer later: an error of its own."""
+    with pytest.raises(NoRobotError, match=r"my_lab:broken.*OSError: no robot at 10\.0\.0\.1.*answers"):
+        maker("my_lab:broken", scene.load())()
+
+
+def test_a_state_of_another_kind_is_told_before_the_loop_reads_it(lab):
+    """With what makes one."""
+    with pytest.raises(BackendError, match=r"observe\(\) returned a dict.*at_rest\(\)"):
+        maker("my_lab:told_nothing", scene.load())()
 
 
 def test_the_loop_says_a_wrong_name_in_one_line(tmp_path):

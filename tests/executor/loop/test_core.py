@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.languages.facts import Kind, fact
+from companion.skills.loop_messages import FAULT, Close, HeadGoal, Mode, Move, Open, Payload, Phase, Until, motion
 from services.executor.loop.core import BEYOND, DAMPING_CYCLES, LoopCore, impossible
-from services.executor.loop.program import FAULT, Close, HeadGoal, Mode, Move, Open, Payload, Phase, Until, motion
 from velma.control import damping
 from velma.control.dynamics import Dynamics
 from velma.errors import MotionError

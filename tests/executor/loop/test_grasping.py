@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from grips import BOWL_POSTURE, DYNAMICS, JAR_POSTURE, at, lever, raised, standing
 
-from services.executor.loop.program import Close, Move, Open, Payload, Phase, Until, motion
+from companion.skills.loop_messages import Close, Move, Open, Payload, Phase, Until, motion
 from velma.names import BODY
 
 

@@ -8,8 +8,8 @@ import pytest
 from grips import BOWL_POSTURE, JAR_POSTURE, at, lever, raised, standing
 
 from companion.languages.facts import Kind
+from companion.skills.loop_messages import Close, Open, Payload, Phase, motion
 from services.executor.loop.core import LoopCore
-from services.executor.loop.program import Close, Open, Payload, Phase, motion
 from velma.control.grip import Grip, Wrong
 from velma.names import SIDES
 from velma.sim.mock_backend import MockBackend

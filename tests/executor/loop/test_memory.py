@@ -12,11 +12,11 @@ import pytest
 from grips import DYNAMICS, JAR_POSTURE, lever, raised, standing
 
 from companion.languages.facts import Kind, fact
+from companion.skills.loop_messages import Close, HeadGoal, Mode, Move, Payload, Phase, Until, motion
 from services.executor.loop.core import LoopCore
 from services.executor.loop.fingers import Activity
 from services.executor.loop.link import AgentLink, StopLink
 from services.executor.loop.memory import MEMORY, Keeper, Restorable
-from services.executor.loop.program import Close, HeadGoal, Mode, Move, Payload, Phase, Until, motion
 from velma.errors import SlotError
 from velma.model import scene
 from velma.sim.mock_backend import MockBackend

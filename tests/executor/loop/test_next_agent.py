@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from grips import JAR_POSTURE, lever, raised, standing
 
+from companion.skills.loop_messages import Cancel, Close, Mode, Payload, Phase, Release, motion
 from services.executor.loop.link import AgentLink, LoopLink
 from services.executor.loop.process import GONE_TURNS, LoopProcess, Speed
-from services.executor.loop.program import Cancel, Close, Mode, Payload, Phase, Release, motion
 from services.executor.loop.timing import Pacer
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(180)]  # 15 s at a load of 8

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from companion.languages.facts import Kind, fact
+from companion.skills.loop_messages import Close, HeadGoal, Mode, Move, Payload, Phase, motion
 from services.executor.loop.core import LoopCore, impossible
-from services.executor.loop.program import Close, HeadGoal, Mode, Move, Payload, Phase, motion
 from velma.control.dynamics import Dynamics
 from velma.control.joint import JointGains
 from velma.model.build import ROBOT_XML

@@ -6,9 +6,9 @@ import os
 
 import pytest
 
+from companion.skills.loop_messages import Cancel, Release, motion
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.memory import _begun
-from services.executor.loop.program import Cancel, Release, motion
 from services.executor.loop.slots import Counters, LoopFile, Slot
 from velma.errors import SlotError
 from velma.names import START

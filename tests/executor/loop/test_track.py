@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.executor.loop.program import KNOT_S
+from companion.skills.loop_messages import KNOT_S
 from services.executor.loop.track import BRAKE_S, FARTHEST_START, Track
 from velma.errors import MotionError
 from velma.names import START

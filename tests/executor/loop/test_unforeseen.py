@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from grips import DYNAMICS, JAR_POSTURE, lever, raised, standing
 
+from companion.skills.loop_messages import Close, HeadGoal, Mode, Move, Payload, Phase, motion
 from services.executor.loop.core import FAST_CYCLES, TOO_FAST, LoopCore
-from services.executor.loop.program import Close, HeadGoal, Mode, Move, Payload, Phase, motion
 from velma.control import damping
 from velma.model import scene
 from velma.names import BODY, SIDES

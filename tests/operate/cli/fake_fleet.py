@@ -19,20 +19,22 @@ from companion import run_files
 from companion.run_files import HiAddress, TaskLine
 from companion.tools.system import JOB
 from operate import run_folder
-from operate.run_folder import AgentIn, Fleet, Happened, PlanAt, PlanSeen, ProcessStatus, Sent
+from operate.run_folder import AgentIn, Fleet, Happened, PlanAt, PlanSeen, ProcessStatus, Sent, Step, Task
 
 TOKEN = "a token"
 BEAT_S = 0.1
 """Between two heartbeats of each agent: all are at rest."""
 BESIDE = "beside"
 """Name of a file that is still being written."""
+GRASP = Step(("take", "grasp"), "take", ("jar_1",), act="Grasp")
+TILT = Step(("pour",), act="Pour")
 STORY = (
     AgentIn(t=1.0, agent="ta", state="running"),
-    PlanSeen(t=1.0, plan="p1", task="pour", states=("main", "main/take", "main/take/grasp", "main/pour")),
-    PlanAt(t=1.5, at="main/take/grasp"),
+    PlanSeen(t=1.0, plan="p1", tasks=(Task("pour"),), states=(Step(("take",), "take", ("jar_1",)), GRASP, TILT)),
+    PlanAt(t=1.5, at=GRASP),
     Sent(t=2.0, channel="C4", sender="pl", receiver="km", protocol="query", performative="query-ref", bytes=231),
-    Happened(t=3.0, name="jar grasped", text="left hand"),
-    PlanAt(t=4.0, at="main/pour", outcome="succeeded"),
+    Happened(t=3.0, name="grasped", of=("jar_1",), text="left hand"),
+    PlanAt(t=4.0, at=TILT, outcome="succeeded"),
 )
 
 

@@ -23,7 +23,7 @@ from operate.cli.runs import trials
 from operate.system import Job
 
 WITHOUT = msgspec.structs.replace(SYSTEM, job=Job())
-CELL = Cell(1, "kill", "pl", "planning", "event:plan 1 requested")
+CELL = Cell(1, "kill", "pl", "planning", "event:plan-requested 1")
 
 
 def result(cell: Cell = CELL, *, success: bool = True, why: str = "", began: bool = True, **more: object) -> Result:

@@ -102,7 +102,7 @@ def test_the_demo_tells_its_story_in_lines_and_exits_by_the_report(
     pretend(success)
     done = roco("demo", "--out", tmp_path / "out", "--speed", "max")
     assert done.exit_code == (0 if success else 1), done.output
-    assert "main: take: grasp" in done.stdout
+    assert "take jar (grasp)" in done.stdout
     assert "jar grasped: left hand" in done.stdout
     assert done.stdout.count("into the bowl: done") == 1
     assert ("success" if success else "no success: the jar slipped") in done.stdout
@@ -151,3 +151,12 @@ def test_the_demo_speaks_json_line_by_line(pretend: Callable[[bool], None], tmp_
 def test_the_demo_needs_a_scene_that_is_there(tmp_path: Path) -> None:
     """A wrong option is a usage error."""
     assert roco("demo", "--scene", tmp_path / "no.toml").exit_code == 2
+
+
+def test_an_option_that_is_elsewhere_says_where() -> None:
+    """No verb has --system: the project of the folder names it."""
+    for words in (("up",), ("status", "--format", "json")):
+        done = roco(*words, "--system", "depot")
+        assert done.exit_code == 2
+        assert "pyproject.toml" in done.output
+        assert "ROCO_ENTRY" in done.output

@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 from typer.testing import CliRunner
 
-from companion.languages import cmd
+from companion.languages import cmd, hfsm
 from companion.tools.system import SYSTEM
 from operate.cli import completion, lazy
 from operate.cli.__main__ import app
@@ -44,7 +44,7 @@ def run(tmp_path: Path) -> Path:
     """A recorded pour in which one says a control sequence; its folder, a process and a note are called so, too."""
     traffic, folder = Traffic(), tmp_path / f"run{TITLE}{TURNED}"
     folder.mkdir()
-    report = cmd.TaskReport(state=cmd.TaskState.RUNNING, at=EVIL + BELOW)
+    report = cmd.TaskReport(state=cmd.TaskState.RUNNING, at=hfsm.Place(("x",), hfsm.Step(EVIL + BELOW)))
     traffic.edit(traffic.said("co", "hi", "inform"), **saying(report))
     traffic.edit(traffic.said("ta", "co", "inform"), conversation=f"c{EVIL}")
     recording = Recording(folder / TRAFFIC_FILE)

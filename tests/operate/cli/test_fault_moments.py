@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
 from operate.cli.errors import UsageError
-from operate.cli.faults.moments import After, InRun, InState, Message, counter, parse, words
-from operate.run_folder import Happened, PlanAt
+from operate.cli.faults.moments import After, Event, InPlan, InState, Message, counter, parse, words
+from operate.run_folder import Happened, PlanAt, Step
 
 STATES = [(agent, one.name) for agent, entry in DESIGN.agents.items() for one in entry.state]
 OWNERS = {state: [agent for agent, name in STATES if name == state] for _, state in STATES}
@@ -40,19 +40,41 @@ def test_states(named: tuple[str, str], target: str) -> None:
             parse(state, DESIGN, target)
 
 
-@given(st.text(min_size=1, max_size=12), st.text(min_size=1, max_size=12))
-def test_events_and_states_of_a_plan(name: str, other: str) -> None:
-    """A whole name of an event, and a whole part of a path; neither is there where only a text says so."""
-    event, state = parse(f"event:{name}", DESIGN, "pl"), parse(f"plan:{name}", DESIGN, "pl")
-    assert (event, state) == (InRun(event=name), InRun(plan=name))
-    assert words(event) == words(state) == repr(name)
-    assert event.there(Happened(t=0.0, name=name, text=other))
-    assert state.there(PlanAt(t=0.0, at=name))
-    assert state.there(PlanAt(t=0.0, at=f"{name}/{other}"))
-    for line in (Happened(t=0.0, name=f"{name}{other}", text=name), PlanAt(t=0.0, at=name)):
-        assert not event.there(line)
-    for line in (Happened(t=0.0, name=name), PlanAt(t=0.0, at=f"{other}/{name}")):
-        assert not state.there(line) or f"{other}/{name}".startswith(f"{name}/")
+names = st.from_regex(r"\A[a-z][a-z-]{0,7}\Z")
+ids = st.lists(st.from_regex(r"\A[a-z]{1,5}_[1-9]\Z"), max_size=3, unique=True).map(tuple)
+
+
+@given(names, ids, names, ids)
+def test_an_event_is_there_by_its_name_and_what_it_is_of(
+    name: str, of: tuple[str, ...], other: str, more: tuple[str, ...]
+) -> None:
+    """The first of them are enough; no text makes an event."""
+    asked = " ".join((name, *of))
+    event = parse(f"event:{asked}", DESIGN, "pl")
+    assert event == Event(name, of)
+    assert words(event) == repr(asked)
+    assert event.there(Happened(t=0.0, name=name, of=(*of, *more), text=other))
+    assert event.there(Happened(t=0.0, name=other, of=of)) == (name == other)
+    assert not event.there(Happened(t=0.0, name=f"{name}x", of=of, text=asked))
+    assert not of or not event.there(Happened(t=0.0, name=name, of=("x_0", *of[1:])))
+    assert not event.there(PlanAt(t=0.0, at=Step((name,), name, of)))
+
+
+@given(names, ids, st.sampled_from(["", "Grasp", "Pour"]), names, st.sampled_from(["Grasp", "Pour"]))
+def test_a_step_of_a_plan_is_there_by_what_it_does(
+    does: str, things: tuple[str, ...], act: str, other: str, acts: str
+) -> None:
+    """With its things, and in one of its acts; names of states do not count."""
+    asked = " ".join((does, *things)) + (f"/{act}" if act else "")
+    moment = parse(f"plan:{asked}", DESIGN, "pl")
+    assert moment == InPlan(does, things, act)
+    assert words(moment) == repr(asked)
+    at = Step((other, "1"), does, (*things, "lid_9"), "left", acts)
+    assert moment.there(PlanAt(t=0.0, at=at)) == (act in ("", acts))
+    assert not moment.there(PlanAt(t=0.0, at=at, outcome="failed"))
+    assert not moment.there(PlanAt(t=0.0, at=Step((does,), f"{does}x", things, act=act)))
+    assert not moment.there(PlanAt(t=0.0))
+    assert not moment.there(Happened(t=0.0, name=does, of=things))
 
 
 @given(st.text(max_size=12))
@@ -71,6 +93,7 @@ def test_anything_else_is_refused_in_words(text: str) -> None:
         ("xx:idle", "no agent 'xx'; it has "),
         ("0th-message", "counted from 1"),
         ("event:", "names nothing; give seconds"),
+        ("plan:/Grasp", "names no step; give seconds"),
         ("soon", "seconds \\(2.5\\), a time"),
     ],
 )

@@ -12,7 +12,6 @@ from companion.design import DESIGN
 from companion.run_files import TaskLine
 from companion.tools.system import SYSTEM
 from companion.tools.verbs import main_job
-from companion.wording import plain
 from operate.cli.fleet import state_words
 from operate.cli.terminal import draw, run_state
 from operate.cli.terminal.console import Console
@@ -27,9 +26,25 @@ from operate.run_folder import (
     ProcessState,
     ProcessStatus,
     Sent,
+    Step,
+    Task,
 )
 
-STATES = ("main", "main/take", "main/take/approach", "main/take/grasp", "main/pour", "main/pour/tilt")
+TAKE, POUR = ("main", "take"), ("main", "pour")
+APPROACH, GRASP = (
+    Step((*TAKE, name), "take", ("jar_1",), act=act) for name, act in (("1", "MoveJoint"), ("2", "Grasp"))
+)
+TILT = Step((*POUR, "1"), "pour", ("jar_1", "bowl_1"), act="Pour")
+STATES = (
+    Step(("main",)),
+    Step(TAKE, "take", ("jar_1",)),
+    APPROACH,
+    GRASP,
+    Step(POUR, "pour", ("jar_1", "bowl_1")),
+    TILT,
+)
+TASKS = (Task("pour", ("jar_1", "bowl_1")),)
+SEEN = PlanSeen(t=0, plan="p", tasks=TASKS, states=STATES)
 
 words = st.text("abc/", min_size=1, max_size=6)
 lines: st.SearchStrategy[LiveLine] = st.one_of(
@@ -44,11 +59,20 @@ lines: st.SearchStrategy[LiveLine] = st.one_of(
         bytes=st.integers(0, 10**6),
     ),
     st.builds(AgentIn, t=st.floats(0, 1e9), agent=st.sampled_from(["ta", "pl"]), state=words, alive=st.booleans()),
-    st.builds(PlanSeen, t=st.floats(0, 1e9), plan=words, task=words, states=st.just(STATES)),
     st.builds(
-        PlanAt, t=st.floats(0, 1e9), at=st.sampled_from([*STATES, "elsewhere"]), outcome=st.sampled_from(["", "failed"])
+        PlanSeen,
+        t=st.floats(0, 1e9),
+        plan=words,
+        tasks=st.sampled_from([TASKS, ()]),
+        states=st.sampled_from([STATES, ()]),
     ),
-    st.builds(Happened, t=st.floats(0, 1e9), name=words, text=words),
+    st.builds(
+        PlanAt,
+        t=st.floats(0, 1e9),
+        at=st.sampled_from([*STATES, Step(("elsewhere",)), None]),
+        outcome=st.sampled_from(["", "failed"]),
+    ),
+    st.builds(Happened, t=st.floats(0, 1e9), name=words, of=st.lists(words, max_size=3).map(tuple), text=words),
 )
 
 
@@ -101,15 +125,16 @@ def test_the_present_state_stands_out_and_those_before_are_ticked() -> None:
     """The tree shows where the robot is."""
     text = drawn(
         folded(
-            PlanSeen(t=0, plan="p", task="pour", states=STATES),
-            PlanAt(t=1, at="main/take/approach"),
-            PlanAt(t=2, at="main/take/grasp"),
+            SEEN,
+            PlanAt(t=1, at=APPROACH),
+            PlanAt(t=2, at=GRASP),
         )
     )
     assert "▶ grasp" in text
-    assert "✓ approach" in text
-    assert "▾ take" in text
-    assert "· tilt" in text
+    assert "✓ move joint" in text
+    assert "▾ take jar" in text
+    assert "· pour jar into bowl" in text
+    assert "pour jar bowl" in text
 
 
 @given(st.lists(lines, max_size=60), st.integers(24, 60), st.sampled_from((80, 100, 140)))
@@ -129,7 +154,7 @@ REASON = "the task failed: " + " ".join(f"reason-{number}" for number in range(3
 
 def test_a_reason_can_be_read_whole() -> None:
     """Longer than a line at 80 columns: of an event, of a task, and of the verdict; no word is broken."""
-    view = folded(Happened(t=1.0, name="ended, failed", text=REASON))
+    view = folded(Happened(t=1.0, name="ended", of=("failed",), text=REASON, again=True))
     told = draw.Scene("a run", 0.0, SYSTEM, None, (TaskLine("hi-1-1", "failed", REASON, "pour"),), view)
     console = Console(width=80, height=40, record=True, force_terminal=True, file=io.StringIO())
     console.print(draw.picture(told, 12.0, console.height, console.width))
@@ -144,10 +169,10 @@ def test_a_reason_can_be_read_whole() -> None:
 def test_an_event_longer_than_the_picture_is_cut_where_it_ends() -> None:
     """The latest one comes first, older ones as long as they fit whole."""
     view = folded(Happened(t=1.0, name="old", text=REASON), Happened(t=2.0, name="new", text=REASON))
-    lines = draw.events(view, 0.0, 5, 80).plain.splitlines()
+    lines = draw.events(view, 0.0, 5, 80, SYSTEM).plain.splitlines()
     assert len(lines) <= 5
     assert lines[0].startswith("    2 s  new: the task failed")
-    assert len(draw.events(view, 0.0, 3, 40).plain.splitlines()) == 3
+    assert len(draw.events(view, 0.0, 3, 40, SYSTEM).plain.splitlines()) == 3
 
 
 def test_the_start_says_whom_it_waits_for() -> None:
@@ -168,9 +193,9 @@ def test_a_machine_left_behind_is_ticked() -> None:
     """Once the last state of a machine has passed, the machine has."""
     text = drawn(
         folded(
-            PlanSeen(t=0, plan="p", task="pour", states=STATES),
-            PlanAt(t=2, at="main/take/grasp"),
-            PlanAt(t=3, at="main/pour/tilt"),
+            SEEN,
+            PlanAt(t=2, at=GRASP),
+            PlanAt(t=3, at=TILT),
         )
     )
     assert "✓ take" in text
@@ -179,12 +204,13 @@ def test_a_machine_left_behind_is_ticked() -> None:
 @given(st.integers(1, 30), st.integers(1, 12), st.data())
 def test_a_long_plan_is_cut_around_the_present_state(machines: int, leaves: int, data: st.DataObject) -> None:
     """At most the given number of lines, in the order of the tree, and the present state is one of them."""
-    states = [path for m in range(machines) for path in (f"m{m}", *(f"m{m}/s{n}" for n in range(leaves)))]
+    paths = [path for m in range(machines) for path in ((f"m{m}",), *((f"m{m}", f"s{n}") for n in range(leaves)))]
+    states = [Step(path) for path in paths]
     at = data.draw(st.sampled_from(states))
-    paths = draw.shown(run_state.Plan("p", "pour", tuple(states), at), 16)
-    assert len(paths) <= 16
-    assert at in paths
-    assert list(paths) == [path for path in states if path in paths]
+    shown = draw.shown(run_state.Plan("p", TASKS, tuple(states), at), 16)
+    assert len(shown) <= 16
+    assert at in shown
+    assert list(shown) == [one for one in states if one in shown]
 
 
 def test_only_whole_lines_are_read_and_strange_ones_left_out(tmp_path: Path) -> None:
@@ -210,18 +236,26 @@ AGAINST = Against(
 def test_what_is_not_as_designed_is_an_event() -> None:
     """A person who watches sees it among what happened."""
     [event] = run_state.fold(run_state.View(), AGAINST).events
-    assert (event.who, event.text) == ("late", "km > pl inform-ref: too late")
+    assert (event.name, event.text) == ("late", "km > pl inform-ref: too late")
 
 
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        (PlanAt(t=0, at="take jar_1/grasp"), "  take jar: grasp"),
-        (PlanAt(t=0, at="main/pour", outcome="failed"), ""),
-        (PlanSeen(t=0, plan="p", task="take jar_1", states=STATES), "plan received: take jar, in 3 steps"),
-        (Happened(t=0, name="jar grasped"), "jar grasped"),
-        (Happened(t=0, name="plan 1 ended: Failed", text="it slipped"), "plan 1 ended: Failed: it slipped"),
-        (Happened(t=0, name="plan 1 begins"), ""),
+        (PlanAt(t=0, at=GRASP), "  take jar (grasp)"),
+        (PlanAt(t=0, at=TILT, outcome="failed"), ""),
+        (PlanAt(t=0), ""),
+        (SEEN, "plan received: pour jar bowl, in 3 steps"),
+        (Happened(t=0, name="grasped", of=("jar_1",)), "jar grasped"),
+        (Happened(t=0, name="grasped", of=("jar_2",)), "jar 2 grasped"),
+        (
+            Happened(t=0, name="plan-ended", of=("1", "Failed"), text="it slipped"),
+            "plan 1 ended: Failed: it slipped",
+        ),
+        (Happened(t=0, name="command-received", of=("PutDown", "jar_1")), "command received: put down jar"),
+        (Happened(t=0, name="ended", of=("failed", "PutDown", "jar_1")), "ended, failed: put down jar"),
+        (Happened(t=0, name="disk limit", text="full"), "disk limit: full"),
+        (Happened(t=0, name="plan-received", of=("1",), again=True), ""),
         (AgentIn(t=0, agent="km", state="idle", alive=False), "km: gone"),
         (AgentIn(t=0, agent="km", state="idle"), ""),
         (AGAINST, "not as designed, late: km > pl inform-ref: too late"),
@@ -229,4 +263,4 @@ def test_what_is_not_as_designed_is_an_event() -> None:
 )
 def test_a_line_in_words(line: LiveLine, said: str) -> None:
     """Each line has the words that a log shows; a line that is only counted shows nothing."""
-    assert run_state.in_words(line, plain) == said
+    assert run_state.in_words(line, SYSTEM) == said

@@ -98,6 +98,6 @@ def test_the_pictures_of_a_fleet(own: bool, port: int, tmp_path: Path, monkeypat
         assert state_of(local).pictures == words
         wanted = "no pictures are served" if own else f"{words}; end that program"
         with pytest.raises(NoRunError, match=re.escape(f"{tmp_path} shows nothing: {wanted}")):
-            view.found(tmp_path, "", web=False)
+            view.found(None, "", tmp_path, web=False)
         monkeypatch.setattr(Local, "variable", lambda self, name, variable: "70000")
         assert state_of(local).pictures == ""  # the monitor says that it is no port

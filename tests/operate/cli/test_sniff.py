@@ -152,10 +152,16 @@ def test_a_drawing_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> 
 def test_of_the_drawing_no_label_lies_on_another() -> None:
     """Neither in a row nor between rows."""
     said = [
-        Arrow(0.1 * n, AGENTS[n % 6], AGENTS[(n + 1 + n % 4) % 6], "accept-proposal", "C5 200 B and more" * 3)
+        Arrow(
+            0.1 * n,
+            AGENTS[n % len(AGENTS)],
+            AGENTS[(n + 1 + n % 4) % len(AGENTS)],
+            "accept-proposal",
+            "C5 200 B and more" * 3,
+        )
         for n in range(40)
     ]
     labels = draw(AGENTS, said, "").labels
-    assert len(labels) == 6 + 3 * 40
+    assert len(labels) == len(AGENTS) + 3 * 40
     met = [(a, b) for n, a in enumerate(labels) for b in labels[:n] if a.meets(b)]
     assert met == []

@@ -102,7 +102,8 @@ def test_a_copy_of_an_answer_answers_nothing_again() -> None:
         performative=Performative.INFORM_REF, in_reply_to="q", conversation="c", sender="km", receiver="pl", id="2"
     )
     for at, one in ((1.0, ask), (1.5, answer), (9.0, answer)):
-        tally.take(Said(at, "", encode(one), "C4", one.sender, one.receiver, "query", str(one.performative)))
+        data = encode(one)
+        tally.take(Said(at, "", data, len(data), "C4", one.sender, one.receiver, "query", str(one.performative)))
     (row,) = [row for row in tally.rows if row.performative == "inform-ref"]
     assert (row.count, list(row.answers)) == (2, [0.5])
 

@@ -38,7 +38,7 @@ def test_a_running_fleet_is_shown_where_its_monitor_serves_it(tmp_path: Path, se
     """Live comes before a recording; page and viewer connect to the same port."""
     (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(served, 4711)))
     (tmp_path / RRD_FILE).touch()
-    seen = view.found(tmp_path, "", web=False)
+    seen = view.found(None, "", tmp_path, web=False)
     assert seen.live
     assert seen.command[1:] == ("--connect", f"rerun+http://127.0.0.1:{served}/proxy")
     assert seen.url == f"http://127.0.0.1:4711/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{served}%2Fproxy"
@@ -49,9 +49,9 @@ def test_a_fleet_that_has_ended_is_shown_by_its_recording(tmp_path: Path, served
     """view.json is left; another program listens there now."""
     (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(served, 1)))
     (tmp_path / RRD_FILE).touch()
-    seen = view.found(tmp_path, "", web=False)
+    seen = view.found(None, "", tmp_path, web=False)
     assert (seen.live, seen.command[1:]) == (False, (str(tmp_path / RRD_FILE),))
-    page = view.found(tmp_path / RRD_FILE, "", web=True)
+    page = view.found(tmp_path / RRD_FILE, "", None, web=True)
     assert "--serve-web" in page.command
     assert page.command[page.command.index("--bind") + 1] == "127.0.0.1"
     assert page.url.startswith(f"http://127.0.0.1:{page.command[page.command.index('--web-viewer-port') + 1]}/?url=")
@@ -60,9 +60,10 @@ def test_a_fleet_that_has_ended_is_shown_by_its_recording(tmp_path: Path, served
 def test_a_run_without_pictures_says_how_they_are_made(tmp_path: Path) -> None:
     """No fleet, no run.rrd."""
     with pytest.raises(NoRunError, match="roco report"):
-        view.found(tmp_path, "", web=False)
-    with pytest.raises(UsageError, match="no run's folder"):
-        view.found(tmp_path / "none", "", web=False)
+        view.found(None, "", tmp_path, web=False)
+    for no_file in (tmp_path / "none", tmp_path):
+        with pytest.raises(UsageError, match="a run is named by --run-dir"):
+            view.found(no_file, "", None, web=False)
 
 
 def test_containers_serve_where_compose_publishes() -> None:
@@ -77,7 +78,7 @@ def test_containers_serve_where_compose_publishes() -> None:
 def test_without_a_display_it_names_the_page(tmp_path: Path) -> None:
     """Exit code 1, and the words say what works instead."""
     (tmp_path / RRD_FILE).touch()
-    words = [sys.executable, "-m", "operate.cli", "view", str(tmp_path)]
+    words = [sys.executable, "-m", "operate.cli", "view", "--run-dir", str(tmp_path)]
     done = subprocess.run(words, env=NOWHERE, capture_output=True, text=True, timeout=50)
     assert done.returncode == 1
     assert "roco view --web" in done.stderr

@@ -38,7 +38,10 @@ def figures(seed: int, noise: random.Random) -> PourFigures:
             per_channel={"C4": Sizes(count=232, total=104888, least=110, mean=452.0, largest=22870)},
         ),
         plans=(Plan(1, 1.0, 10.0 * (1.0 + shake), 92, 184, 92534, 0.1), Plan(2, wall - 10, 2.1, 22, 44, 11819, 0.03)),
-        events=(Happened("command received", 4.6, 3.2, ("C2",)), Happened("finished", 4.6 + wall, 67.0, ("C2",))),
+        events=(
+            Happened("command-received", 4.6, words="command received", sim_s=3.2, channels=("C2",)),
+            Happened("finished", 4.6 + wall, words="finished", sim_s=67.0, channels=("C2",)),
+        ),
         latency=(Latency("C3", "generate_plan", 15000.0, Spans(2, 6000.0 * (1.0 + shake), 10000.0, 10200.0)),),
         seed=seed,
         speed="max",

@@ -46,13 +46,13 @@ def test_plans_are_told_as_they_were(told: report.Report) -> None:
     assert (second.queries, second.communicates, second.ended) == (22, 44, "Succeeded")
     assert first.wall_s == pytest.approx(10.8, abs=0.05)
     assert first.km_longest_s == pytest.approx(4.88, abs=0.05)
-    assert second.km_longest_s < 0.01
+    assert second.km_longest_s < 0.02
 
 
 def test_the_bowl_is_localized_by_the_look_after_the_put_down(told: report.Report) -> None:
     """Not by what was seen in passing when the hand let go of it."""
-    at = {event.name: event.t for event in told.events}
-    assert at["bowl put down"] + 5 < at["bowl localized"] <= at["plan 1 ended: Replan"]
+    at = {event.id: event.t for event in told.events}
+    assert at["put-down bowl_1"] + 5 < at["localized bowl_1"] <= at["plan-ended 1 Replan"]
 
 
 def test_times_are_those_of_acts(told: report.Report) -> None:

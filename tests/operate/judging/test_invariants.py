@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from agent_runtime.core.state import Outgoing, Record
 from agent_runtime.io.journal import Journal
 from companion.languages import rc
+from companion.skills.loop_messages import Mode
 from companion.tools import promises
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate
@@ -21,7 +22,6 @@ from operate.judging import invariants
 from operate.recording import history
 from operate.recording.history import Entered, History
 from operate.system import Job, System, load
-from services.executor.loop.program import Mode
 
 HISTORIES = Path(__file__).parents[2] / "histories"
 DEPOT = Path(__file__).parents[3] / "examples" / "depot"

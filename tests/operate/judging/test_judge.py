@@ -88,7 +88,7 @@ def test_live_lines_of_an_earlier_version_are_not_judged(told: tuple[Path, list[
 
 def test_the_report_tells_what_was_against_the_design() -> None:
     """Counts of each verdict, and of each violation when, where and why; nothing where all is well."""
-    past = history.merged([_known(item) for item in wrong().items], {}, SYSTEM)
+    past = history.of_records([_known(item) for item in wrong().items], SYSTEM)
     judged = report.build(past).judged
     assert judged is not None
     assert {one.verdict for one in judged.violations} == {"out of sequence", "malformed", "over budget"}
@@ -110,7 +110,7 @@ def test_the_page_shows_it(tmp_path: Path) -> None:
     legal = tuple(msgspec.structs.replace(one, verdict="legal") for one in past.judged)
     past = msgspec.structs.replace(past, judged=legal)
     assert "All 424 communicates as designed." in page.rendered(past, report.build(past), "clean")
-    past = history.merged([_known(item) for item in wrong().items], {}, SYSTEM)
+    past = history.of_records([_known(item) for item in wrong().items], SYSTEM)
     text = page.rendered(past, report.build(past), "wrong")
     assert "3 of 426 communicates are not as designed." in text
     assert "nothing opened conversation pl-1-900" in text
@@ -145,7 +145,7 @@ def test_another_systems_design_and_languages_are_named(tmp_path: Path) -> None:
     for place in ("companion.languages", "companion.languages:NOTHING", "companion.design:DESIGN"):
         with pytest.raises(NoSystemError, match=place):
             languages_at(place)
-    assert languages_at("companion.languages:LANGUAGES") is SYSTEM.languages
+    assert languages_at("companion.all_languages:LANGUAGES") is SYSTEM.languages
 
 
 def _known(item: Any) -> Any:

@@ -9,7 +9,7 @@ import pytest
 from planting import Expected, Traffic, plants
 
 from agent_runtime.io.tap import Sample
-from operate.recording.records import Record, Resumed, Token
+from operate.recording.records import Record, Token
 from topdown.judge.verdicts import VIOLATIONS, Verdict
 
 PLANTS = list(plants())
@@ -30,9 +30,11 @@ def test_a_whole_run_is_as_designed() -> None:
 
 
 def test_there_are_plants_of_every_verdict() -> None:
-    """At least twenty, and each kind of violation among them."""
+    """At least twenty, and each kind of violation that one communicate shows (tests/operate/recording/test_ends.py has
+    those that two logs show).
+    """
     assert len(PLANTS) >= 20
-    assert {plant(Traffic())[0] for plant in PLANTS} == VIOLATIONS
+    assert {plant(Traffic())[0] for plant in PLANTS} == VIOLATIONS - {Verdict.NOT_SAID, Verdict.ALTERED}
 
 
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.__name__)
@@ -75,33 +77,6 @@ def test_a_number_that_was_not_heard_is_no_violation(nth: int) -> None:
     traffic.remove(durable[nth])
     assert traffic.found() == []
     assert Verdict.NOT_JUDGED in traffic.verdicts()
-
-
-def test_nothing_is_judged_that_was_said_while_nobody_listened() -> None:
-    """A monitor that took over from a dead one alarms about nothing that was begun before or meanwhile."""
-    traffic = Traffic()
-    for start in range(300, len(traffic.items) - 200, 130):
-        traffic = Traffic()
-        at = [item.at if isinstance(item, Sample) else item.received for item in traffic.items]
-        kept = traffic.items[:start], traffic.items[start + 60 :]
-        traffic.items = [*kept[0], Resumed(at[start - 1], at[start + 59]), *kept[1]]
-        assert traffic.found() == []
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_what_a_slow_monitor_missed_is_no_violation(seed: int) -> None:
-    """All that one sender says in a second, though the mark comes only when its next heartbeats are heard."""
-    traffic, chance = Traffic(), random.Random(seed)
-    sender = ("pl", "km", "ta", "co")[seed % 4]
-    said = [n for n, one in enumerate(traffic.items) if isinstance(one, Sample) and one.sender == sender]
-    first = _at(traffic.items[chance.choice(said)])
-    for n in reversed(said):
-        if first <= _at(traffic.items[n]) <= first + MISSED_S:
-            traffic.remove(n)
-    back = first + MISSED_S + NOTICED_S
-    noticed = next((n for n, one in enumerate(traffic.items) if _at(one) > back), len(traffic.items))
-    traffic.items.insert(noticed, Resumed(first - 0.1, back, sender))
-    assert traffic.found() == []
 
 
 def _at(item: Sample | Record) -> float:

@@ -12,7 +12,7 @@ from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 from operate.judging.live import Live
 from operate.recording.records import Garbage, Spoken, understood
-from operate.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
+from operate.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent, Task
 
 
 def lines(run: Run) -> list[LiveLine]:
@@ -36,13 +36,16 @@ def test_plans_are_shown_and_followed(pouring: Run) -> None:
     shown = {state for line in found if isinstance(line, PlanSeen) for state in line.states}
     places = [line for line in found if isinstance(line, PlanAt)]
     assert {place.at for place in places if place.at} <= shown
+    assert {line.tasks for line in found if isinstance(line, PlanSeen)} == {(Task("pour", ("jar", "bowl")),)}
     assert [place.outcome for place in places if place.outcome] == ["replan", "succeeded"]
 
 
 def test_what_happens_is_told_when_it_happens(pouring: Run) -> None:
     """Each event once, in the order of the story."""
-    names = [line.name for line in lines(pouring) if isinstance(line, Happened)]
-    story = ["command received", "plan 1 received", "jar grasped", "bowl put down", "content poured", "finished"]
+    names = [" ".join((line.name, *line.of)) for line in lines(pouring) if isinstance(line, Happened)]
+    story = [
+        "command-received", "plan-received 1", "grasped jar_1", "put-down bowl_1", "poured jar_1 bowl_1", "finished"
+    ]  # fmt: skip
     assert [name for name in names if name in story] == story
     assert len(names) == len(set(names))
 

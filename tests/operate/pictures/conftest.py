@@ -24,7 +24,7 @@ def records(pouring: Run) -> list[Record]:
 @pytest.fixture(scope="session")
 def past(records: list[Record]) -> history.History:
     """Its history."""
-    return history.merged(records, {}, SYSTEM)
+    return history.of_records(records, SYSTEM)
 
 
 @pytest.fixture(scope="session")

@@ -46,12 +46,12 @@ def test_pictures_are_drawn_live_and_afterwards(seen: list[Record]) -> None:
             stage.take(happening)
     expected = [(1.0 + k, jpeg) for k, jpeg in enumerate(FILES)]
     assert sheet.of(CAMERA) == expected
-    assert afterwards(history.merged(seen, {}, SYSTEM)).of(CAMERA) == expected
+    assert afterwards(history.of_records(seen, SYSTEM)).of(CAMERA) == expected
 
 
 def test_markers_are_drawn_with_their_picture(seen: list[Record]) -> None:
     """None with the first, two with the second, by the names of their things; closed; a time without any is kept."""
-    rows = afterwards(history.merged(seen, {}, SYSTEM)).of(MARKERS)
+    rows = afterwards(history.of_records(seen, SYSTEM)).of(MARKERS)
     assert [(at, [label for label, _ in found]) for at, found in rows] == [(1.0, []), (2.0, ["jar_1", "bowl_1"])]
     corners = rows[1][1][0][1]
     assert corners.ravel().tolist() == list(SQUARE)
@@ -63,7 +63,7 @@ def test_markers_are_drawn_with_their_picture(seen: list[Record]) -> None:
 
 def test_the_picture_is_a_part_of_the_robot(seen: list[Record]) -> None:
     """It moves with the camera's link, and its lens has the field of view of 1.047 rad."""
-    lens = afterwards(history.merged(seen, {}, SYSTEM)).looks[CAMERA]
+    lens = afterwards(history.of_records(seen, SYSTEM)).looks[CAMERA]
     assert CAMERA.startswith("world/velma/")
     assert "head_tilt_link" in CAMERA
     (matrix,) = lens.image_from_camera.as_arrow_array().to_pylist()
@@ -72,7 +72,7 @@ def test_the_picture_is_a_part_of_the_robot(seen: list[Record]) -> None:
 
 def test_states_beside_them_stay_what_they_are(seen: list[Record]) -> None:
     """A picture is not a state of the robot."""
-    past = history.merged(seen, {}, SYSTEM)
+    past = history.of_records(seen, SYSTEM)
     assert [at for at, _ in robot(past)] == [100.0]
     assert [at for at, _ in pictures(past)] == [101.0, 102.0]
 

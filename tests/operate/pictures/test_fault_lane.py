@@ -46,7 +46,7 @@ def test_overlapping_faults_stand_side_by_side(some: list[Record], past: history
     ]
     sheet = Noted(past.begin)
     stage = Stage(sheet, SYSTEM)
-    for happening in of_history(history.merged(some, {}, SYSTEM)):
+    for happening in of_history(history.of_records(some, SYSTEM)):
         stage.take(happening)
     for drawn in (sheet, live(some, past.begin, past.begin + 9.0)):
         assert [(pytest.approx(at, abs=1e-6), state) for at, state in drawn.of(FAULTS)] == expected
@@ -60,6 +60,6 @@ def test_a_run_without_faults_has_no_lane(sheet: Noted) -> None:
 
 def test_the_history_has_each_fault_once(some: list[Record]) -> None:
     """As its last line has it; the lines are not traffic."""
-    past = history.merged(some, {}, SYSTEM)
+    past = history.of_records(some, SYSTEM)
     assert [(one.id, one.ended is None) for one in past.faults] == [("a", False), ("b", False), ("c", True)]
     assert KIND not in past.houses

@@ -1,31 +1,53 @@
-"""The feed never holds who feeds it: a bounded queue, and children that read nothing, die, or never start."""
+"""The feed never holds who feeds it: a bounded queue, and children that read nothing, die, or never start. None is
+started before somebody looks."""
 
 import os
+import shutil
 import signal
+import socket
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from synthetic import Run
 
 from agent_runtime.io.tap import Sample
 from companion.tools.system import SYSTEM
 from operate.pictures import feed as feeding
 from operate.pictures import wire
 from operate.pictures.feed import OVERHEAD, Feed, Queue
+from operate.pictures.happenings import Reader
+from operate.pictures.past import Past
 from operate.pictures.viewer_address import Place, ViewSettingError, wanted
+from operate.recording import mcap_file
+from operate.recording.recorder import Recorder
+from operate.recording.records import Spoken, understood
+from operate.run_folder import VERDICTS_FILE, VIEW_FILE, Judged
 
-PLACE = Place("127.0.0.1", 1, 2)
 READS_NOTHING = (sys.executable, "-c", "import time; time.sleep(600)")
 DEAF = (
     sys.executable,
     "-c",
     "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf', flush=True); time.sleep(600)",
 )
+LEAVES = (sys.executable, "-c", "import socket, sys; socket.socket(fileno=int(sys.argv[1])).accept()")
+"""Takes the viewer, and ends in order."""
 DIES = (sys.executable, "-c", "raise SystemExit(3)")
+COPIES = (
+    sys.executable,
+    "-c",
+    "import signal, socket, sys; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+    "socket.socket(fileno=int(sys.argv[2])).accept(); "
+    "open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())",
+)
+"""Takes the viewer, and writes what it is fed to a file."""
 
 
 def quiet(event: str, **fields: object) -> None:
@@ -43,18 +65,47 @@ def eventually(look: object, within_s: float = 20.0) -> bool:
     return False
 
 
-@given(st.lists(st.one_of(st.binary(max_size=300), st.integers(1, 900)), max_size=80), st.integers(200, 2000))
+@pytest.fixture
+def place() -> Place:
+    """Free ports."""
+    found = wanted({})
+    assert found is not None
+    return found
+
+
+@pytest.fixture
+def look(place: Place) -> Iterator[None]:
+    """A viewer, which connects as soon as the ports are open."""
+
+    def connect() -> None:
+        assert eventually(lambda: viewer.connect_ex((place.bind, place.grpc)) == 0)
+
+    with ExitStack() as stack:
+        viewer = stack.enter_context(socket.socket())
+        thread = threading.Thread(target=connect)
+        thread.start()
+        yield
+        thread.join()
+
+
+def heard(data: bytes) -> wire.Heard:
+    """A sample with these bytes."""
+    return wire.Heard(Sample("", data, 1.0))
+
+
+@given(st.lists(st.one_of(st.binary(max_size=300), st.integers(1, 900)), max_size=80), st.integers(600, 6000))
 def test_the_queue_is_bounded_and_keeps_the_newest_in_order(steps: list[bytes | int], most: int) -> None:
     """Bytes put and taken at will: never more than `most` wait; what is dropped is older than all that is left."""
     queue, put, got = Queue(most), 0, list[int]()
     for step in steps:
         if isinstance(step, bytes):
-            queue.put(put.to_bytes(4, "big") + step)
+            data = put.to_bytes(4, "big") + step
+            queue.put(heard(data), len(data))
             put += 1
         else:
-            got += [int.from_bytes(item[:4], "big") for item in queue.take(step)]
+            got += numbers(queue.take(step))
         assert 0 <= queue.bytes <= most
-    left = [int.from_bytes(item[:4], "big") for item in queue.take(10**9)]
+    left = numbers(queue.take(10**9))
     assert got + left == sorted(got + left)
     assert len(got) + len(left) + queue.dropped == put
     assert left == list(range(put - len(left), put))
@@ -64,8 +115,13 @@ def test_the_queue_is_bounded_and_keeps_the_newest_in_order(steps: list[bytes | 
 def test_an_item_larger_than_all_room_is_dropped() -> None:
     """And counted."""
     queue = Queue(1000)
-    queue.put(b"x" * (1001 - OVERHEAD))
+    queue.put(heard(b""), 1001 - OVERHEAD)
     assert (queue.take(), queue.dropped, queue.bytes) == ([], 1, 0)
+
+
+def numbers(items: list[wire.Item]) -> list[int]:
+    """What the samples begin with."""
+    return [int.from_bytes(item.sample.data[:4], "big") for item in items if isinstance(item, wire.Heard)]
 
 
 @given(st.lists(st.integers(1, 60), max_size=40))
@@ -87,10 +143,11 @@ def test_something_else_than_frames_is_said() -> None:
         wire.Frames().feed(b"\xff\xff\xff\xff")
 
 
-def test_a_child_that_reads_nothing_holds_nobody(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("look")
+def test_a_child_that_reads_nothing_holds_nobody(tmp_path: Path, place: Place) -> None:
     """300 MB are fed to it: no call waits, memory stays within queue and batch, the rest is counted as dropped."""
     sample = Sample("roco/x", os.urandom(100_000), 1.0)
-    feed = Feed(tmp_path, PLACE, SYSTEM, quiet, command=READS_NOTHING)
+    feed = Feed(tmp_path, place, SYSTEM, quiet, command=READS_NOTHING)
     try:
         assert eventually(lambda: feed.pid)
         before, longest = _rss(), 0.0
@@ -106,10 +163,11 @@ def test_a_child_that_reads_nothing_holds_nobody(tmp_path: Path) -> None:
     assert not feed.pid
 
 
-def test_a_child_that_does_not_follow_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("look")
+def test_a_child_that_does_not_follow_is_killed(tmp_path: Path, place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     """It ignores SIGTERM and is frozen besides; the end comes in time."""
     monkeypatch.setattr(feeding, "END_S", 0.5)
-    feed = Feed(tmp_path, PLACE, SYSTEM, quiet, command=DEAF)
+    feed = Feed(tmp_path, place, SYSTEM, quiet, command=DEAF)
     assert eventually(lambda: (tmp_path / "rerun.log").exists() and "deaf" in (tmp_path / "rerun.log").read_text())
     pid = feed.pid
     os.kill(pid, signal.SIGSTOP)
@@ -117,12 +175,15 @@ def test_a_child_that_does_not_follow_is_killed(tmp_path: Path, monkeypatch: pyt
     assert not Path(f"/proc/{pid}").exists()
 
 
-def test_a_child_that_dies_is_started_anew_and_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After a pause, again and again."""
+@pytest.mark.usefixtures("look")
+def test_a_child_that_dies_is_started_anew_and_said(
+    tmp_path: Path, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a pause, again and again, as long as a viewer waits."""
     monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.02)
     monkeypatch.setattr(feeding, "LONGEST_PAUSE_S", 0.05)
     said: list[str] = []
-    feed = Feed(tmp_path, PLACE, SYSTEM, lambda event, **_: said.append(event), command=DIES)
+    feed = Feed(tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=DIES)
     try:
         assert eventually(lambda: said.count("showing") > 2)
         assert "no pictures for now" in said
@@ -130,13 +191,101 @@ def test_a_child_that_dies_is_started_anew_and_said(tmp_path: Path, monkeypatch:
         feed.close()
 
 
-def test_a_program_that_is_not_there_holds_nobody(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("look")
+def test_where_nobody_looks_any_more_it_waits_for_the_next_viewer(
+    tmp_path: Path, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A child that ends in order is no failure, though more was fed to it meanwhile."""
+    monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.02)
+    said: list[str] = []
+    feed = Feed(tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=LEAVES)
+    try:
+        for times in (1, 2):
+            assert eventually(lambda: feed.heard(Sample("k", b"d", 1.0)) or said.count("nobody looks") == times)  # noqa: B023
+            assert said == ["showing", "nobody looks"] * times
+            with socket.create_connection((place.bind, place.grpc)):
+                pass
+    finally:
+        feed.close()
+
+
+@pytest.mark.usefixtures("look")
+def test_a_program_that_is_not_there_holds_nobody(tmp_path: Path, place: Place) -> None:
     """It is said, and feeding goes on."""
     said: list[str] = []
-    feed = Feed(tmp_path, PLACE, SYSTEM, lambda event, **_: said.append(event), command=("/nowhere/at/all",))
+    feed = Feed(tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=("/nowhere/at/all",))
     assert eventually(lambda: "no pictures for now" in said)
     feed.heard(Sample("k", b"d", 1.0))
     feed.close()
+
+
+def test_nothing_is_drawn_before_somebody_looks(tmp_path: Path, place: Place) -> None:
+    """The ports are open and told, no child runs, and of what is fed only the last seconds are kept."""
+    said: list[str] = []
+    feed = Feed(tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=READS_NOTHING)
+    try:
+        assert eventually((tmp_path / VIEW_FILE).exists)
+        for _ in range(100):
+            feed.heard(Sample("roco/x", b"", 1.0))
+        feed._queue.forget(0.0)
+        assert (feed.pid, feed.dropped, feed._queue.bytes, said) == (0, 0, 0, [])
+        with socket.create_connection((place.bind, place.web)):
+            assert eventually(lambda: feed.pid)
+    finally:
+        feed.close()
+    with socket.socket() as probe:
+        assert probe.connect_ex((place.bind, place.grpc)) != 0
+
+
+def test_each_sample_is_in_the_recording_or_fed(
+    tmp_path: Path, place: Place, pouring: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whenever somebody looks: each is drawn once, from the one or the other; also one that was logged late."""
+    monkeypatch.setattr(feeding, "RECENT_S", 0.0)
+    feed, recorder = (
+        Feed(tmp_path, place, SYSTEM, quiet, command=(*COPIES, str(tmp_path / "fed"))),
+        Recorder(tmp_path, SYSTEM),
+    )
+    recorder.show(feed)
+    samples, half = list(pouring.samples), len(pouring.samples) // 2
+    late = samples.pop(next(k for k in range(half - 1, 0, -1) if spoken([samples[k]])))
+    assert eventually((tmp_path / VIEW_FILE).exists)
+    for sample in samples[:half]:
+        recorder.take(sample)
+    recorder.flush()
+    monkeypatch.setattr(feeding, "RECENT_S", 60.0)
+    recorder.take(samples[half])
+    with socket.create_connection((place.bind, place.grpc)):
+        assert eventually(lambda: feed.pid)
+        for sample in samples[half + 1 :]:
+            recorder.take(sample)
+        recorder.flush()
+        then = tmp_path / "then"  # when the child reads it
+        then.mkdir()
+        for name in (mcap_file.FILE, VERDICTS_FILE):
+            shutil.copy(tmp_path / name, then)
+        recorder.take(late)
+        assert eventually(lambda: not feed._queue.bytes)
+        recorder.finish()
+    since, *fed = wire.Frames().feed((tmp_path / "fed").read_bytes())
+    assert isinstance(since, wire.Since)
+    past = Past(since.at)
+    recorded = [one.what for one in past.read(then, SYSTEM, Reader(SYSTEM))]
+    before = [one for one in recorded if isinstance(one, Spoken)]
+    after = spoken([item.sample for item in fed if isinstance(item, wire.Heard) and not past.has(item.sample.at)])
+    assert before
+    assert after
+    found = sorted((one.received, one.identity) for one in (*before, *after))
+    assert found == sorted((one.received, one.identity) for one in spoken(pouring.samples))
+    judged = [item.judged for item in fed if isinstance(item, wire.Said) and not past.judged(item.judged)]
+    judged += [one for one in recorded if isinstance(one, Judged)]
+    lines = (tmp_path / VERDICTS_FILE).read_bytes().splitlines()
+    assert sorted(judged, key=repr) == sorted((msgspec.json.decode(line, type=Judged) for line in lines), key=repr)
+
+
+def spoken(samples: list[Sample]) -> list[Spoken]:
+    """The communicates among them."""
+    return [record for one in samples if isinstance(record := understood(one, SYSTEM), Spoken)]
 
 
 def test_where_pictures_are_served_is_the_environments_word() -> None:

@@ -6,7 +6,8 @@ import msgspec
 import pytest
 from noted import Noted
 
-from companion.languages import HFSM, LANGUAGES, hfsm, rc, sw
+from companion.all_languages import HFSM, LANGUAGES
+from companion.languages import hfsm, rc, sw
 from companion.languages.values import Side
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot

@@ -1,17 +1,20 @@
 """The real processes of the pictures: killed, frozen, bereaved; recording goes on, and pictures come back."""
 
 import os
+import re
 import signal
 import socket
 import subprocess
 import sys
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import msgspec
 import pytest
 from synthetic import Run
-from test_feed import eventually
+from test_feed import eventually, spoken
 
 from companion.tools.system import SYSTEM
 from operate.pictures import child, server
@@ -19,7 +22,7 @@ from operate.pictures import feed as feeding
 from operate.pictures.child import OverLimit
 from operate.pictures.feed import Feed
 from operate.pictures.server import ServerError
-from operate.pictures.viewer_address import BIND, EVERY_INTERFACE, Place, wanted
+from operate.pictures.viewer_address import BIND, EVERY_INTERFACE, Place, opened, wanted
 from operate.recording import mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken
@@ -85,13 +88,12 @@ def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
 
     try:
         for whom in (0, 1):
-            assert eventually(lambda: feed.pid and serves(tmp_path), PATIENCE_S)
+            assert eventually(lambda: serves(tmp_path) and len(children(feed.pid)) == 1, PATIENCE_S)
             some(500)
             both = (feed.pid, *children(feed.pid))
-            assert len(both) == 2
             os.kill(both[whom], signal.SIGKILL)
             assert eventually(lambda gone=both: not any(map(lives, gone)), PATIENCE_S)
-        assert eventually(lambda: feed.pid and serves(tmp_path), PATIENCE_S)
+        assert eventually(lambda: serves(tmp_path) and feed.pid, PATIENCE_S)
         os.kill(feed.pid, signal.SIGSTOP)
         some(len(pouring.samples))
     finally:
@@ -101,24 +103,93 @@ def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
     assert not serves(tmp_path)
 
 
+@pytest.fixture
+def ports() -> Iterator[child.Ports]:
+    """Ports that listen."""
+    at = place()
+    with opened(at.bind, at.grpc) as grpc, opened(at.bind, at.web) as web:
+        yield grpc, web
+
+
 @pytest.mark.parametrize("which", ["grpc", "web"])
-def test_the_port_of_another_program_is_not_told_as_that_of_the_pictures(which: str, tmp_path: Path) -> None:
-    """The drawing process ends with the reason, and there is no view.json."""
+def test_the_port_of_another_program_is_not_told_as_that_of_the_pictures(
+    which: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The monitor says why, there is no view.json; when the port is free it is had."""
+    monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.1)
+    said: list[str] = []
     with socket.create_server(("127.0.0.1", 0)) as other:
         wished = msgspec.structs.replace(place(), **{which: other.getsockname()[1]})
-        with pytest.raises(ServerError, match="Address already in use; ROCO_VIEW_GRPC and ROCO_VIEW_WEB name others"):
-            child.Child(tmp_path, wished, SYSTEM)
-    assert not (tmp_path / VIEW_FILE).exists()
+        feed = Feed(tmp_path, wished, SYSTEM, lambda event, **fields: said.append(str(fields.get("why"))))
+        assert eventually(lambda: said, PATIENCE_S)
+        assert "Address already in use; ROCO_VIEW_GRPC and ROCO_VIEW_WEB name others" in said[0]
+        assert not (tmp_path / VIEW_FILE).exists()
+    try:
+        assert eventually((tmp_path / VIEW_FILE).exists, PATIENCE_S)
+    finally:
+        feed.close()
+
+
+def test_who_looks_late_sees_the_run_from_its_beginning(tmp_path: Path, pouring: Run) -> None:
+    """What a viewer gets that comes in the middle of a run has all communicates so far."""
+    feed, recorder = Feed(tmp_path, at := place(), SYSTEM, lambda event, **_: None), Recorder(tmp_path, SYSTEM)
+    recorder.show(feed)
+    for sample in pouring.samples:
+        recorder.take(sample)
+    recorder.flush()
+    saved, program = tmp_path / "live.rrd", Path(sys.executable).with_name("rerun")
+
+    def sizes() -> int:
+        """Communicates that were drawn."""
+        done = subprocess.run([program, "rrd", "print", "-v", saved], capture_output=True, text=True, timeout=60)
+        return sum(int(rows) for rows in re.findall(r"with (\d+) rows .* - /sizes/C", done.stdout))
+
+    try:
+        assert eventually(lambda: serves(tmp_path), PATIENCE_S)
+        url = f"rerun+http://127.0.0.1:{at.grpc}/proxy"
+        with subprocess.Popen([program, url, "--save", saved, "--port", str(place().grpc)]) as viewer:
+            every = len(spoken(pouring.samples)) + len(SYSTEM.design.channels)  # each has a row that stands
+            assert eventually(lambda: saved.exists() and sizes() >= every, PATIENCE_S)
+            viewer.terminate()
+        assert sizes() == every
+    finally:
+        recorder.finish()
+
+
+def test_it_ends_when_nobody_looks(tmp_path: Path, ports: child.Ports, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not while a viewer is connected."""
+    monkeypatch.setattr(child, "QUIET_S", 0.5)
+    drawing = child.Child(tmp_path, ports, SYSTEM)
+    out, into = os.pipe()
+    found: list[int] = []
+    thread = threading.Thread(target=lambda: found.append(drawing.serve(out)))
+    try:
+        with socket.create_connection(ports[0].getsockname()):
+            assert eventually(lambda: not drawing._viewers[0].quiet_s)
+            thread.start()
+            thread.join(timeout=3 * child.QUIET_S)
+            assert thread.is_alive()
+        thread.join(timeout=PATIENCE_S)
+        assert found == [0]
+    finally:
+        drawing.close()
+        os.close(out)
+        os.close(into)
 
 
 @pytest.mark.parametrize(("module", "limit", "error"), [(child, "OWN_MB", OverLimit), (server, "MOST_MB", ServerError)])
 def test_a_process_above_its_limit_of_memory_ends(
-    module: ModuleType, limit: str, error: type[Exception], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    module: ModuleType,
+    limit: str,
+    error: type[Exception],
+    tmp_path: Path,
+    ports: child.Ports,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The drawing process watches its own memory and its server's and names the one too large; the monitor restarts
     both.
     """
-    drawing = child.Child(tmp_path, place(), SYSTEM)
+    drawing = child.Child(tmp_path, ports, SYSTEM)
     out, into = os.pipe()
     monkeypatch.setattr(module, limit, 1.0)
     try:
@@ -142,6 +213,7 @@ def test_a_monitor_that_is_killed_leaves_nobody_behind(tmp_path: Path) -> None:
     monitor = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)])
     try:
         assert eventually(lambda: serves(tmp_path), PATIENCE_S)
+        assert eventually(lambda: [children(one) for one in children(monitor.pid)] not in ([], [[]]), PATIENCE_S)
         (drawing,) = children(monitor.pid)
         (serving,) = children(drawing)
     finally:

@@ -14,7 +14,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from operate.recording import mcap_file
 from operate.recording.mcap_file import Reading
-from operate.recording.records import Resumed
+from operate.recording.records import Token
 from operate.recording.stored import CHUNK_LIMIT
 
 GIGABYTE = 1 << 30
@@ -105,11 +105,11 @@ def test_every_reader_has_the_bound(tmp_path: Path, verb: str) -> None:
 def test_a_recording_that_another_tool_packed_is_read(tmp_path: Path, compression: CompressionType) -> None:
     """With chunks as large as they may be, and in their order."""
     file, many = tmp_path / "traffic.mcap", 500
-    records = [Resumed(float(number), float(number)) for number in range(many)]
+    records = [Token("co", number, True, float(number)) for number in range(many)]
     with file.open("wb") as opened:
         writer = Writer(opened, compression=compression, chunk_size=CHUNK_LIMIT // 4)
         writer.start()
-        channel = writer.register_channel("monitor", "json", 0)
+        channel = writer.register_channel("tokens", "json", 0)
         for record in records:
             data = mcap_file._encoder.encode(record)
             writer.add_message(channel, 0, data + b" " * (CHUNK_LIMIT // 100), 0)

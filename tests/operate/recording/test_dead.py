@@ -9,6 +9,7 @@ import pytest
 from agent_runtime.core.state import Outgoing
 from agent_runtime.io.journal_format import MAGIC, frame
 from agent_runtime.io.tap import Sample
+from agent_runtime.testing.step_logs import StepLogs
 from fipa_codec.communicate import Communicate, encode
 from operate.recording import dead, mcap_file
 from operate.recording.records import Record, Spoken, understood
@@ -119,11 +120,10 @@ def test_what_an_agent_turned_away(run: Path, depot: System, event: str, reason:
 
 
 def test_a_question_that_never_reached_its_receiver(run: Path, depot: System) -> None:
-    """It went by, and is not in the step log; a moment after it was said nobody can tell."""
+    """Its sender's log has it, and no other; a moment after it was said nobody can tell."""
     end = records()[-1].received
     one = msgspec.structs.replace(said("subscribe"), id="desk-7-7", conversation="desk-7-7", sent=end)
-    key = depot.design.key("depot", one)
-    add(run, understood(Sample(key, encode(one), end), depot))
+    StepLogs(run).said(one, end)
     assert [(one.reason, one.id) for one in told(run, depot)] == [(Dead.NOT_HEARD, "desk-7-7")]
     assert dead.of_run(run, depot, end + 1.0) == []
 

@@ -127,13 +127,16 @@ def test_a_recording_is_gone_on_with_in_little_memory(tmp_path: Path) -> None:
     said = [one for one in load(RECORDED, SYSTEM).said if one.channel == "C4"][:2]
     peaks = []
     for blocks in (1, 4):
-        path = tmp_path / f"{blocks}.mcap"
+        path = tmp_path / str(blocks) / mcap_file.FILE
         first = mcap_file.Recording(path)
         for sample in Again(said).block(blocks * BLOCK):
             first.add(understood(sample, SYSTEM))
-        first.finish()
+        first.finish({})
+        before = mcap_file.cursor(tmp_path / str(blocks))
+        assert before is not None
         tracemalloc.start()
-        mcap_file.Recording(path).finish()
+        second = mcap_file.Recording(path, before)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
+        second.finish()
     assert peaks[1] < 1.2 * peaks[0]

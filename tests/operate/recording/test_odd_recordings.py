@@ -11,7 +11,7 @@ from planting import POUR
 
 from companion.tools.asking import known
 from companion.tools.system import SYSTEM
-from operate.recording import filled, mcap_file
+from operate.recording import mcap_file, reading
 from operate.recording.records import Spoken
 
 
@@ -76,7 +76,7 @@ def test_the_order_in_the_file_does_not_matter(tmp_path: Path) -> None:
     for record in reversed(mcap_file.read(POUR).records):
         reversed_file.add(record)
     reversed_file.finish()
-    one, other = filled.of(POUR, SYSTEM), filled.of(tmp_path / "some.mcap", SYSTEM)
+    one, other = reading.of(POUR, SYSTEM), reading.of(tmp_path / "some.mcap", SYSTEM)
     said = [[(it.sender, it.id) for it in found.records if isinstance(it, Spoken)] for found in (one, other)]
     assert said[0] == said[1]
     assert known(POUR).words == known(tmp_path / "some.mcap").words

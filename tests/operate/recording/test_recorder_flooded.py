@@ -69,26 +69,3 @@ def test_a_recording_that_is_full_ends_with_words(tmp_path: Path, monkeypatch: p
     assert records.whole
     assert not any(isinstance(found, Garbage) and found.data == b"late" for found in records.records)
     assert b"disk limit" in (tmp_path / LIVE_FILE).read_bytes()
-
-
-def test_a_recorder_that_stood_still_lets_no_time_pass_that_it_did_not_hear(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A question whose reply-by passed while it was stopped is not unanswered: the answer waits to be read."""
-    now, passed = 1024.0, list[float]()
-    monkeypatch.setattr(recorder.time, "time", lambda: now)
-    monkeypatch.setattr(recorder.time, "monotonic", lambda: now)
-    one = Recorder(tmp_path, SYSTEM)
-    monkeypatch.setattr(one._judging, "pass_time", lambda at: passed.append(at) or ())
-    one.pass_time()
-    now += 60.0
-    one.pass_time()
-    assert passed[-1] - passed[0] < 1.0
-    one.take(Sample(KEY, b"later", now))
-    one.pass_time()
-    assert passed[-1] == now
-    for _ in range(10):
-        now += recorder.FLUSH_S
-        one.pass_time()
-    assert passed[-1] == pytest.approx(now)
-    one.finish()

@@ -12,7 +12,7 @@ from synthetic import Run
 from companion.tools.system import SYSTEM
 from operate.filters import Filter
 from operate.recording import mcap_file, side_recording
-from operate.recording.records import Garbage, House, Resumed, Spoken, Token
+from operate.recording.records import Garbage, House, Spoken, Token, Unpaired
 from operate.recording.schemas import schema
 
 PLAIN = {"string": str, "number": (int, float), "integer": int, "boolean": bool}
@@ -23,16 +23,16 @@ PLAIN = {"string": str, "number": (int, float), "integer": int, "boolean": bool}
 def file(tmp_path_factory: pytest.TempPathFactory, pouring: Run) -> Path:
     """A recording of a whole run, with a record of every kind."""
     path = tmp_path_factory.mktemp("kept") / "all.mcap"
-    keeper = side_recording.Keeper(side_recording.Asked(path, Filter(), 0, 0.0), SYSTEM, None)
+    keeper = side_recording.Keeper(side_recording.Asked(path, Filter(), 0, 0.0), SYSTEM)
     for sample in pouring.samples:
         keeper.take(sample)
     keeper.take(msgspec.structs.replace(pouring.samples[0], key="roco/roco/C1/x/y/z/w", data=b"\xc1"))
-    keeper.take(msgspec.structs.replace(pouring.samples[0], key="", data=b"", deaf_since=1.0))
+    keeper._add(Unpaired("co", "ta", "request", "request", "co-1-1", "1", True, "other words", 1.0))
     keeper.finish(0)
     return path
 
 
-@pytest.mark.parametrize("kind", [Spoken, House, Token, Garbage, Resumed])
+@pytest.mark.parametrize("kind", [Spoken, House, Token, Garbage, Unpaired])
 def test_a_schema_is_an_object_of_plain_fields(kind: type) -> None:
     """`type: object` at the root, a plain type for each field, no references; bytes say that they are base64."""
     made = schema(kind)
@@ -59,7 +59,7 @@ def test_every_message_fits_the_schema_of_its_channel(file: Path) -> None:
             seen += 1
         assert seen == summary.statistics.message_count
         assert len(summary.channels) == summary.statistics.channel_count
-    assert kinds == {"Spoken", "House", "Token", "Garbage", "Resumed"}
+    assert kinds == {"Spoken", "House", "Token", "Garbage", "Unpaired"}
 
 
 def _fits(message: dict[str, Any], kind: dict[str, Any]) -> None:
@@ -82,9 +82,7 @@ def test_viewers_see_what_was_said(file: Path) -> None:
 def test_a_filtered_recording_says_so(tmp_path: Path, pouring: Run) -> None:
     """Only what is meant, and tokens, by which it can be judged; the filter stands in the file's metadata."""
     path = tmp_path / "c4.mcap"
-    keeper = side_recording.Keeper(
-        side_recording.Asked(path, Filter(channels=("C4",), agents=("pl",)), 5, 0.0), SYSTEM, None
-    )
+    keeper = side_recording.Keeper(side_recording.Asked(path, Filter(channels=("C4",), agents=("pl",)), 5, 0.0), SYSTEM)
     for sample in pouring.samples:
         if not keeper.over:
             keeper.take(sample)

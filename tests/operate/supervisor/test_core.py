@@ -360,3 +360,28 @@ def test_one_that_cannot_be_kept_alive_is_given_up_and_named() -> None:
         assert (world.fleet.failing == ("router",)) is failing
         assert (world.fleet.known["router"].state is ProcessState.GIVEN_UP) is failing
     assert world.fleet.known["router"].restarts > core.MOST_DEATHS
+
+
+def test_a_look_after_some_periods_counts_as_many() -> None:
+    """Where all is well looks are rarer, and a hang is seen as soon."""
+    often, seldom = World(), World()
+    for world in (often, seldom):
+        world.all_ready()
+        world.fleet = core.look(world.fleet, frozenset(world.fleet.known))
+    for _ in range(10 * core.REST_PERIODS):
+        often.fleet = core.look(often.fleet, frozenset())
+    for _ in range(10):
+        seldom.fleet = core.look(seldom.fleet, frozenset(), core.REST_PERIODS)
+    assert often.fleet.known == seldom.fleet.known
+
+
+def test_it_rests_while_each_is_ready_or_given_up() -> None:
+    """Not while one starts, waits for its restart or ends."""
+    world = World()
+    assert not world.fleet.resting
+    world.all_ready()
+    assert world.fleet.resting
+    world.tell(core.Exited("ta", 1))
+    assert not world.fleet.resting
+    world.fleet = core.stop(world.fleet)
+    assert not world.fleet.resting

@@ -1,5 +1,6 @@
 """What runs in C gives the results of the plain code, on any posture, target and world."""
 
+import ctypes
 from collections.abc import Callable
 from typing import Any
 
@@ -8,7 +9,7 @@ import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from velma import compiled, names
@@ -16,11 +17,14 @@ from velma.control import cartesian, grip, law
 from velma.control.cartesian import CartesianImpedance, task_damping
 from velma.control.dynamics import Dynamics
 from velma.control.grip import Wrists
-from velma.kinematics import chain, ik, near, timing
+from velma.kinematics import arm, chain, collision, ik, motion, timing
+from velma.kinematics.arm import ArmGeometry
 from velma.kinematics.collision import World
 from velma.kinematics.frames import standing
+from velma.kinematics.near import Near
+from velma.kinematics.plain_checks import PlainChecks
 from velma.kinematics.robot import ROBOT_XML, Robot
-from velma.kinematics.shapes import Box, Cylinder, Sphere
+from velma.kinematics.shapes import Box, Cylinder, Sphere, nearer
 from velma.kinematics.spline import Spline
 
 pytestmark = pytest.mark.skipif(
@@ -59,6 +63,8 @@ def plain_robot() -> Robot:
 
 
 ROBOT, PLAIN, DYNAMICS = Robot(), plain_robot(), Dynamics(ROBOT_XML)
+ARMS = {side: ArmGeometry(ROBOT, side) for side in names.SIDES}
+PLAIN_ARMS = {side: without(arm, lambda side=side: ArmGeometry(ROBOT, side)) for side in names.SIDES}
 
 
 def postures(seed: int, count: int) -> np.ndarray:
@@ -81,6 +87,55 @@ def test_tracks_are_the_same(seed, side):
     """To rounding."""
     q = postures(seed, 20)
     np.testing.assert_allclose(ROBOT.track(q, side), PLAIN.track(q, side), atol=1e-12)
+
+
+@MANY
+@given(seeds, sides)
+def test_upward_parts_are_the_same(seed, side):
+    """Of any direction fixed to a grip."""
+    q, direction = postures(seed, 20), np.random.default_rng(seed).normal(size=3)
+    ours, theirs = ROBOT.upward(side, direction), PLAIN.upward(side, direction)
+    for some in (q, q[:1]):
+        np.testing.assert_allclose(ours(some), theirs(some), atol=1e-12)
+
+
+@MANY
+@given(seeds, sides, st.sampled_from([0.05, 0.25, 2.0]))
+def test_times_of_steps_are_the_same(seed, side, tool_speed):
+    """Whether the tool or a joint needs longer; no step has none."""
+    columns = names.COLUMNS[side]
+    start, path = names.START.copy(), postures(seed, 12)[:, columns]
+    for some in (path, path[:1]):
+        tasks = (motion._Task(robot, None, side, start, start, None, tool_speed, columns) for robot in (ROBOT, PLAIN))
+        ours, theirs = (task.cost(some) for task in tasks)
+        np.testing.assert_allclose(ours, theirs, rtol=1e-9)
+
+
+@MANY
+@given(seeds, sides, st.sampled_from([0.0, 0.3]))
+def test_comfortable_postures_are_the_same(seed, side, far):
+    """Of ten targets, in the same order; the other arm keeps its joints."""
+    for q in postures(seed, 10):
+        target, torso = PLAIN.grip(q, side), tuple(q[0] + np.array([-far, far]))
+        ours = ik.postures(ROBOT, side, target, q, np.random.default_rng(seed), torso=torso)
+        plain = PLAIN_ARMS[side].postures(target, *drawn(np.random.default_rng(seed), torso))[0]
+        ends = [one for one in plain if ik.comfortable(ROBOT, whole(q, side, one), side)]
+        assert len(ours) == len(ends)
+        for found, one in zip(ours, ends, strict=True):
+            turns = np.angle(np.exp(1j * (found - whole(q, side, one))))
+            np.testing.assert_allclose(turns, 0.0, atol=1e-9)
+
+
+def drawn(rng: np.random.Generator, torso: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """The torsos and elbows that `ik.postures` draws."""
+    return rng.uniform(*torso, 24), rng.uniform(-np.pi, np.pi, 24)
+
+
+def whole(q: np.ndarray, side: str, joints: np.ndarray) -> np.ndarray:
+    """The posture (15,) with torso + arm (8,), else as q."""
+    found = q.copy()
+    found[names.COLUMNS[side]] = joints
+    return found
 
 
 @MANY
@@ -114,6 +169,63 @@ def test_solutions_are_the_same(seed, side, arm_only, far):
         np.testing.assert_allclose(ours, theirs, atol=1e-7)
 
 
+def followed(robot: Robot, side: str, start: np.ndarray, goal: Any) -> tuple[list[np.ndarray], str, float]:
+    """The postures of a line up to its end or where it is blocked, why, and how far it went."""
+    accepted: list[np.ndarray] = []
+    try:
+        path = ik.line(robot, side, start, goal, accept=lambda q: accepted.append(q) or True)
+    except ik.PathBlocked as blocked:
+        return accepted, blocked.reason, blocked.fraction
+    return path[1:], "", 1.0
+
+
+@MANY
+@given(seeds, sides, st.sampled_from([0.02, 0.2, 1.0]))
+def test_lines_are_the_same(seed, side, far):
+    """To near and far targets, to the end, out of reach, and where the elbow flips."""
+    rng, (start,) = np.random.default_rng(seed), postures(seed, 1)
+    goal = PLAIN.grip(np.clip(start + rng.normal(0.0, far, 15), names.LOWER, names.UPPER), side)
+    (ours, *ended), (theirs, *expected) = (followed(robot, side, start, goal) for robot in (ROBOT, PLAIN))
+    assert ended == expected
+    np.testing.assert_allclose(ours, theirs, atol=1e-6)
+
+
+def closed_forms(side: str, target: Any, torso: np.ndarray, swivel: np.ndarray) -> int:
+    """Compare both closed forms; return how many postures they have."""
+    ours, pair = ARMS[side].postures(target, torso, swivel)
+    theirs, expected = PLAIN_ARMS[side].postures(target, torso, swivel)
+    np.testing.assert_array_equal(pair, expected)
+    turns = np.angle(np.exp(1j * (ours - theirs)))  # half a turn has two signs
+    np.testing.assert_allclose(turns, 0.0, atol=1e-9)
+    return len(ours)
+
+
+@MANY
+@given(seeds, sides, st.sampled_from([0.0, 0.3, 3.0]))
+def test_closed_forms_are_the_same(seed, side, far):
+    """Of ten targets, with torsos like that of a posture there and others: in the same order, of the same pairs."""
+    rng = np.random.default_rng(seed)
+    counts = [
+        closed_forms(side, PLAIN.grip(q, side), q[0] + rng.normal(0.0, far, 24), rng.uniform(-np.pi, np.pi, 24))
+        for q in postures(seed, 10)
+    ]
+    assert far > 0.0 or sum(counts) > 0
+
+
+@MANY
+@given(seeds, sides, st.sampled_from([0.0, 1e-7, 1e-5, 0.2]), st.sampled_from([0.3, 1.0 - 1e-5, 1.0 - 1e-7, 1.0]))
+def test_closed_forms_agree_at_the_edge(seed, side, beside, reach):
+    """The wrist beside the shoulder's axis by so many metres, at a share of the reach: where they branch."""
+    rng, form = np.random.default_rng(seed), PLAIN_ARMS[side]
+    away = reach * (form.upper + form.fore)
+    way = np.array([beside, 0.0, np.sqrt(away**2 - beside**2)])
+    torso = float(rng.uniform(-1.0, 1.0))
+    turned = form.T_world_torso * pin.SE3(pin.exp3(np.array([0.0, 0.0, torso])), np.zeros(3)) * form.T_torso_shoulder
+    wrist = pin.SE3(pin.exp3(rng.normal(size=3)), turned.act(way))
+    count = closed_forms(side, wrist * form.T_grip_wrist.inverse(), np.full(24, torso), rng.uniform(-np.pi, np.pi, 24))
+    assert count == (24 * 8 if reach < 1.0 - 1e-6 else 0)
+
+
 @MANY
 @given(seeds, sides)
 def test_half_a_turn_has_an_axis(seed, side):
@@ -138,7 +250,7 @@ def worlds(some: list, held: str | None, allowed: bool, margin: float) -> tuple[
             world.attach("thing 0", held, standing((0.0, 0.0, 0.05)))
         if allowed:
             world.allow(("thing 0", "thing 1"), ("robot", "thing 0"))
-    without(near, lambda: both[1].free(np.array(names.START)))
+    without(collision, lambda: both[1].free(np.array(names.START)))
     return both
 
 
@@ -149,12 +261,66 @@ def test_verdicts_are_the_same(some, seed, held, allowed, margin):
     ours, theirs = worlds(some, held, allowed, margin)
     for q in postures(seed, 30):
         assert ours.free(q) == theirs.free(q), ours.touching(q)
-    assert (ours._near is None, theirs._near is None) == (False, True)
+    assert (type(ours._checks), type(theirs._checks)) == (Near, PlainChecks)
     if held:
         for world in (ours, theirs):
             world.detach("thing 0", standing((0.7, 0.0, 0.9)))
     for q in postures(seed + 1, 10):
         assert ours.free(q) == theirs.free(q), ours.touching(q)
+
+
+@MANY
+@given(things, seeds, st.sampled_from([None, *names.SIDES]), st.booleans(), st.sampled_from([0.0, 0.006, 0.05]))
+def test_what_touches_is_the_same(some, seed, held, allowed, margin):
+    """The same links and things at the same distances, nearest first; and it touches where it is not free."""
+    ours, theirs = worlds(some, held, allowed, margin)
+    for q in postures(seed, 5):
+        found = ours.touching(q)
+        expected = {(a, b): distance for a, b, distance in theirs.touching(q)}
+        assert {(a, b): distance for a, b, distance in found} == pytest.approx(expected, abs=1e-9)
+        assert [distance for _, _, distance in found] == sorted(distance for _, _, distance in found)
+        assert ours.free(q) == (not found)
+
+
+@settings(MANY, max_examples=20)
+@given(things, seeds, st.sampled_from([None, *names.SIDES]), st.sampled_from([0.006, 0.05]))
+def test_many_postures_have_the_verdicts_of_each(some, seed, held, margin):
+    """The first one that is free, and whether all are, with as many checks as one after the other."""
+    for world in worlds(some, held, False, margin):
+        some_postures = postures(seed, 12)
+        verdicts = [world.free(q) for q in some_postures]
+        before = world.checks
+        assert world.first_free(some_postures) == (verdicts.index(True) if any(verdicts) else None)
+        assert world.checks - before == (verdicts.index(True) + 1 if any(verdicts) else 12)
+        before = world.checks
+        assert world.all_free(some_postures) == all(verdicts)
+        assert world.checks - before == (12 if all(verdicts) else verdicts.index(False) + 1)
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_an_angle_that_is_none_is_not_free(number: float) -> None:
+    """Neither here nor there; the posture after it has its own verdict."""
+    bad = np.array(names.START)
+    bad[3] = number
+    for world in worlds([(Sphere(0.1), standing((3.0, 0.0, 1.0)), "object")], None, False, 0.006):
+        assert not world.free(bad)
+        assert world.first_free(np.array([bad, names.START])) == 1
+
+
+def left(world: World, number: int, q: np.ndarray) -> list[int] | None:
+    """What C leaves of one pair: itself or nothing; None if it surely touches."""
+    checks, one = world._checks, np.zeros(world._numbered.shape[1], dtype=bool)
+    one[number] = True
+    among, given = checks.among(one), np.array(q)
+    checks._first(checks._itself, among.itself, world.margin, given.ctypes.data, 1, 1, ctypes.byref(checks._left))
+    return None if checks._left.value < 0 else list(among.found[: checks._left.value])
+
+
+def met(world: World, number: int) -> bool:
+    """What coal says of a pair, as the shapes are placed."""
+    a, b = (int(shape) for shape in world._numbered[:, number])
+    checks = world._checks
+    return nearer(checks.solids[a], checks.at(a), checks.solids[b], checks.at(b), world.margin)
 
 
 @MANY
@@ -164,18 +330,14 @@ def test_pairs_have_the_verdicts_of_coal(some, seed, margin):
     world, _ = worlds(some, None, False, margin)
     for q in postures(seed, 2):
         world.free(q)
-        shapes, placed, groups = world._shapes, world._placed, np.array(world._groups)
         first, second = world._numbered
-        for number in np.flatnonzero(world._pairs[first, second] & (groups[second] == "thing 0")):
-            one = np.zeros(len(first), dtype=bool)
-            one[number] = True
-            left = world._near.among(one).left(margin)
-            meets = pin.computeCollision(shapes, placed, int(number))
-            kinds = {type(shapes.geometryObjects[int(k[number])].geometry) for k in (first, second)}
+        for number in np.flatnonzero(world._groups[second] == "thing 0"):
+            found, meets = left(world, int(number), q), met(world, int(number))
+            kinds = {type(world._checks.solids[int(k[number])]) for k in (first, second)}
             if coal.Cylinder in kinds or kinds == {coal.Box}:
-                assert left == [number] or not (left or meets)
+                assert found == [number] or found == (None if meets else [])
             else:
-                assert left == (None if meets else [])
+                assert found == (None if meets else [])
 
 
 @MANY
@@ -187,17 +349,51 @@ def test_a_gap_within_the_margin_is_found(seed, axis, share):
     (q,) = postures(seed, 1)
     world.free(q)
     first, second = world._numbered
-    for number in np.flatnonzero(world._pairs[first, second] & (np.array(world._groups)[second] == "thing 0"))[:40]:
-        ball = world._shapes.geometryObjects[int(first[number])].geometry
+    for number in np.flatnonzero(world._groups[second] == "thing 0")[:40]:
+        ball = world._checks.solids[int(first[number])]
         if not isinstance(ball, coal.Sphere):
             continue
-        away = world._placed.oMg[int(first[number])].translation.copy()
+        away = world._checks.at(int(first[number])).getTranslation().copy()
         away[axis] += ball.radius + radius + share * margin
         world.put("thing 0", [Sphere(radius)], standing(away), "object")
-        world.free(q)
-        one = np.zeros(len(first), dtype=bool)
-        one[number] = True
-        assert world._near.among(one).left(margin) == (None if share < 1.0 else [])
+        assert left(world, int(number), q) == (None if share < 1.0 else [])
+
+
+def apart(size: np.ndarray, other: np.ndarray, turn: np.ndarray, away: np.ndarray) -> float:
+    """The widest gap [m] between the shadows of two boxes on an axis: they are at least so far apart."""
+    axes = np.vstack((np.eye(3), turn.T, np.cross(np.eye(3)[:, None], turn.T[None]).reshape(9, 3)))
+    lengths = np.linalg.norm(axes, axis=1)
+    axes = axes[lengths > 1e-9] / lengths[lengths > 1e-9, None]
+    return float((np.abs(axes @ away) - (np.abs(axes) @ size + np.abs(axes @ turn) @ other) / 2).max())
+
+
+@MANY
+@example(1046893, 1e-4, 0.0)
+@given(seeds, st.sampled_from([0.0, 1e-7, 1e-4, 0.5]), st.sampled_from([0.0, 0.006]))
+def test_boxes_have_the_verdict_of_coal(seed, turned, margin):
+    """Side by side with edges that are parallel, nearly or not at all, a little apart or into each other; and anyhow.
+
+    coal says of boxes up to 1e-6 m apart that they touch; there, an axis with a gap shows that they do not."""
+    rng, q, number = np.random.default_rng(seed), np.array(names.START), 0
+    size, other = (rng.uniform(0.02, 0.6, 3) for _ in range(2))
+    far = pin.SE3(pin.exp3(rng.normal(size=3)), np.array([0.0, 0.0, 9.0]))
+    world, grip = World(ROBOT, margin), ROBOT.grip(q, "left").inverse()
+    world.put("one", [Box(tuple(size))], far, "furniture")
+    world.put("other", [Box(tuple(other))], far, "object")
+    world.attach("other", "left", grip * far)
+    world.free(q)
+    (number,) = np.flatnonzero((world._groups[world._numbered] == [["one"], ["other"]]).all(axis=0))
+    for gap in (*10.0 ** rng.uniform(-5, -2, 10), *-(10.0 ** rng.uniform(-5, -2, 10)), *np.full(60, np.nan)):
+        turn = pin.exp3(turned * rng.normal(size=3))
+        away = rng.integers(-1, 2, 3) * ((size + np.abs(turn) @ other) / 2 + gap + margin)
+        if np.isnan(gap):
+            turn, away = pin.exp3(3.0 * rng.normal(size=3)), rng.normal(size=3)
+            away *= rng.uniform(0.2, 0.6) * np.linalg.norm(size + other) / np.linalg.norm(away)
+        world.attach("other", "left", grip * far * pin.SE3(turn, away))
+        found = left(world, int(number), q)
+        if found != [number]:
+            meets = met(world, int(number)) and apart(size, other, turn, away) <= margin
+            assert found == (None if meets else [])
 
 
 @MANY

@@ -8,9 +8,11 @@ from velma.control import cartesian, joint, limits
 from velma.control.cartesian import CartesianGains, CartesianImpedance
 from velma.control.dynamics import Dynamics
 from velma.control.joint import JointGains
+from velma.kinematics.robot import Robot
+from velma.kinematics.timing import timed
 from velma.model.build import ROBOT_XML
 from velma.model.scene import Scene
-from velma.names import GRIP_BODY, START
+from velma.names import COLUMNS, GRIP_BODY, START
 from velma.sim.backend import no_command
 from velma.sim.mujoco_backend import MujocoBackend
 
@@ -19,13 +21,13 @@ FRONT = np.array([0, -0.3, -1.57, 1.57, 1.57, 0, -1.57, 0, 0.3, 1.57, -1.57, -1.
 
 
 class Bench:
-    """A robot under one law with its set-point fixed. `wrench` pushes the right grip, (6,) force and torque."""
+    """A robot under one law. `wrench` pushes the right grip, (6,) force and torque; `speed`: of the set-point."""
 
     def __init__(self, gains=None, *, q=FRONT, law="cartesian"):
         self.robot = MujocoBackend(Scene("empty"))
         self.dynamics, self.gains = Dynamics(ROBOT_XML), gains or CartesianGains()
         self.impedance, self.hold, self.law = CartesianImpedance(self.gains), JointGains(), law
-        self.goal, self.command = q.copy(), no_command()
+        self.goal, self.speed, self.command = q.copy(), np.zeros(15), no_command()
         self.place(q)
         self.body = self.robot.model.body(GRIP_BODY["right"]).id
         self.wrench, self.largest = np.zeros(6), np.zeros(15)
@@ -43,7 +45,7 @@ class Bench:
             tau = joint.torque(self.hold, terms, stray, state.v, np.zeros(12))
         else:
             self.error = cartesian.task_error(terms, *self.dynamics.grips(self.goal))
-            tau = self.impedance.torque(terms, self.error, state.v, stray, np.zeros(12))
+            tau = self.impedance.torque(terms, self.error, state.v - self.speed, stray, np.zeros(12))
         self.command.tau[:] = limits.accepted(tau)
         self.largest = np.maximum(self.largest, np.abs(self.command.tau))
         self.robot.data.xfrc_applied[self.body] = self.wrench
@@ -121,6 +123,27 @@ def test_posture_spring_brings_the_elbow_back_and_leaves_the_hands():
         bench.run(0.01)
         assert np.abs(bench.error).max() <= allowed
     assert np.abs(bench.robot.observe().q - FRONT).max() < 0.03
+
+
+@pytest.mark.parametrize("speed", [0.15, 0.25])
+def test_an_arm_goes_through_a_straight_elbow_as_it_is_told(speed):
+    """Where the elbow is straight, no error of the hand tells to which side it bends: the posture spring does."""
+    # Torso and left arm, of a way to a pour.
+    ways = [
+        (-0.12, -0.23, 1.36, -0.89, -0.37, -0.5, -0.17, -0.83),
+        (-0.3, -0.17, 1.06, -1.75, 0.19, -0.64, -0.59, -0.44),
+        (-0.38, -0.53, 0.82, -2.01, 0.66, -0.78, -0.67, -0.12),
+        (-0.36, -0.92, 0.97, -2.1, 0.93, -1.03, -0.62, 0.05),
+    ]
+    path = np.tile(START, (len(ways), 1))
+    path[:, COLUMNS["left"]] = ways
+    trajectory, bench = timed(Robot(), path, tool_speed=speed), Bench(q=path[0])
+    farthest = 0.0
+    while bench.robot.data.time < trajectory.duration:
+        bench.goal, bench.speed = trajectory.at(bench.robot.data.time)
+        bench.step()
+        farthest = max(farthest, np.abs(bench.robot.observe().q - bench.goal).max())
+    assert farthest < 0.15
 
 
 def test_a_step_overshoots_as_a_damped_mass_does():

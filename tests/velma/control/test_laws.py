@@ -94,12 +94,12 @@ def test_every_mode_is_damped_by_the_ratio(q, ratio):
 @calm
 @given(q=postures, torque=torques)
 def test_null_space_torque_does_not_accelerate_the_hands(q, torque):
-    """J M^-1 N^T torque = 0 away from singular postures."""
+    """J M^-1 N^T torque is at most 2 % of J M^-1 torque away from singular postures."""
     terms = DYNAMICS.terms(q)
     inertia, through = cartesian.task_inertia(terms.jacobian, np.linalg.inv(terms.mass))
-    assume(np.linalg.cond(inertia) < 1e4)
+    assume(np.linalg.norm(inertia, 2) < 0.02 / cartesian.REGULARISATION)
     left = through @ cartesian.null_space(torque, terms.jacobian, through, inertia)
-    assert np.abs(left).max() < 1e-3 * max(1.0, np.abs(through @ torque).max())
+    assert np.linalg.norm(left) <= 0.02 * np.linalg.norm(through @ torque) + 1e-9
 
 
 @calm

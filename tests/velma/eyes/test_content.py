@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from companion.skills.motions import aim
 from services.executor.receptor import Receptor
-from services.executor.skills.motions import aim
 from velma import names
 from velma.eyes import content
 from velma.eyes.fit import View

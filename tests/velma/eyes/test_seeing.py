@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from services.executor.skills.motions import aim
+from companion.skills.motions import aim
 from velma import names
 from velma.eyes.disturbed import disturbed
 from velma.eyes.fit import View

@@ -97,12 +97,13 @@ def test_sampled_postures_are_comfortable(robot: Robot, side: str, rng: np.rando
 
 
 def test_sampling_takes_only_what_is_accepted(robot: Robot) -> None:
-    """`accept` has the last word, and with `best` the most comfortable of the accepted comes back."""
+    """`first` has the last word, and with `best` the most comfortable of the accepted comes back."""
     target = robot.grip(np.array(names.START) * 0.8, "left")
     start = np.array(names.START)
-    assert ik.sample(robot, "left", target, start, np.random.default_rng(1), accept=lambda q: False) is None
+    assert ik.sample(robot, "left", target, start, np.random.default_rng(1), first=lambda found: None) is None
     found = ik.postures(robot, "left", target, start, np.random.default_rng(1))
-    q = ik.sample(robot, "left", target, start, np.random.default_rng(1), accept=lambda q: q[0] > 0, best=True)
+    turned = lambda found: int(np.flatnonzero(found[:, 0] > 0)[0])  # noqa: E731
+    q = ik.sample(robot, "left", target, start, np.random.default_rng(1), first=turned, best=True)
     assert q is not None
     allowed = found[found[:, 0] > 0]
     assert ik.comfort(robot, q[None], "left")[0] == pytest.approx(ik.comfort(robot, allowed, "left").max())

@@ -92,7 +92,9 @@ def test_a_motion_out_of_the_cabinet(robot: Robot, furnished: Callable[[], World
     grip = standing((0.80, 0.36, 1.281))
     up = np.array([0.0, 0.0, 1.0])
     grip.rotation = np.column_stack((up, np.cross(-out, up), -out))
-    inside = ik.sample(robot, "left", grip, START, np.random.default_rng(1), accept=world.free, best=True, starts=80)
+    inside = ik.sample(
+        robot, "left", grip, START, np.random.default_rng(1), first=world.first_free, best=True, starts=80
+    )
     assert inside is not None
     goal = inside.copy()
     goal[names.ARM["left"]] = START[names.ARM["left"]]
@@ -111,21 +113,21 @@ def test_a_condition_holds_all_the_way(robot: Robot) -> None:
     assert goal is not None
     world.put("post", [Box((0.06, 0.06, 0.06))], standing(robot.grip((start + goal) / 2, "left").translation))
 
-    def level(q: np.ndarray) -> bool:
-        return abs(float(robot.grip(q, "left").rotation[2, 2])) < np.sin(np.radians(40.0))
+    def level(postures: np.ndarray) -> np.ndarray:
+        return np.array([abs(robot.grip(q, "left").rotation[2, 2]) < np.sin(np.radians(40.0)) for q in postures])
 
     assert world.free(start)
     assert world.free(goal)
     assert not world.free((start + goal) / 2)
     path = planned(robot, world, "left", start, goal, keep=level)
     assert path is not None
-    assert all(level(q) for q in timed(robot, path, tool_speed=0.25).q[::4])
+    assert level(timed(robot, path, tool_speed=0.25).q[::4]).all()
 
 
 def test_what_cannot_be_is_refused(robot: Robot) -> None:
     """No way to a goal that touches something or breaks the condition, nor from such a start."""
     world, goal = World(robot), reaching(robot)
-    assert motion.plan(robot, world, "left", START, goal, keep=lambda q: q[0] < 0.05) is None
+    assert motion.plan(robot, world, "left", START, goal, keep=lambda some: some[:, 0] < 0.05) is None
     world.put("ball", [Sphere(0.1)], standing(robot.grip(goal, "left").translation))
     assert motion.plan(robot, world, "left", START, goal) is None
     assert motion.plan(robot, world, "left", goal, START) is None

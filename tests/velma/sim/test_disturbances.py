@@ -190,6 +190,49 @@ def test_what_is_removed_stands_out_of_sight_with_its_content_and_comes_back():
     assert back.grains_in["jar_1"] == back.grains
 
 
+def test_what_a_person_pulls_at_and_nobody_holds_is_carried_off():
+    """It does not fall: it is at the person's hand, then out of sight, upright, with its content."""
+    robot = resting()
+    truth = TruthReader(robot)
+    before = truth.read()
+    robot.disturb((one(Of.THING, Kind.PULLED, "jar_1", -10.0, 0.0, 0.0),))
+    heights = []
+    while (at := truth.pose("jar_1")[1])[0] > 0.0:
+        heights.append(at[2])
+        hold(robot, 1)
+        assert robot.data.time < 10.0
+    assert min(heights) > before.at["jar_1"][2] - 0.03
+    hold(robot, LONG)
+    after = truth.read()
+    assert (after.at["jar_1"][2], after.tilt_deg["jar_1"]) == pytest.approx((0.1, 0.0), abs=0.01)
+    assert after.grains_in["jar_1"] == after.grains
+    assert not robot.data.xfrc_applied.any()
+
+
+def test_a_pull_that_nothing_gives_way_to_grows_to_its_size_and_ends_with_its_order():
+    robot = resting()
+    robot.disturb((one(Of.THING, Kind.PULLED, "jar_1", 0.0, 0.0, -10.0),))  # against its shelf
+    body, pulls = robot.model.body("jar_1").id, []
+    for _ in range(LONG):
+        hold(robot, 1)
+        pulls.append(-robot.data.xfrc_applied[body, 2])
+    assert pulls[-1] == pytest.approx(10.0, abs=0.5)
+    assert max(np.diff(pulls)) < 0.5, "it grows"
+    robot.disturb(())
+    assert not robot.data.xfrc_applied.any()
+
+
+def test_a_knock_is_short():
+    robot = resting()
+    robot.disturb((one(Of.THING, Kind.KNOCKED, "jar_1", 0.0, 0.0, -20.0),))
+    body, forces = robot.model.body("jar_1").id, []
+    for _ in range(LONG):
+        hold(robot, 1)
+        forces.append(-robot.data.xfrc_applied[body, 2])
+    assert 0.0 < np.count_nonzero(forces) * robot.period_s < 0.2
+    assert max(forces) == pytest.approx(20.0, abs=0.1)
+
+
 def test_what_is_added_stands_where_it_was_put():
     robot = resting("box")
     truth = TruthReader(robot)

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from services.executor.skills.motions import aim
+from companion.skills.motions import aim
 from velma import names
 from velma.eyes.lens import HALF_WIDTH, HEIGHT, WIDTH, lens
 from velma.model.build import load as robot
@@ -174,12 +174,11 @@ def test_from_the_room_the_whole_robot_is_seen(show: Show) -> None:
     view = show()
     start = view.qpos.copy()
     before = view.camera.picture(start)
-    room = view.camera.room().astype(int)
+    room = view.camera.room(start).astype(int)
     orange = (room[..., 0] > 180) & (room[..., 2] < 80)
     assert orange.mean() > 0.005  # the covers of its joints
     turned = view.turn(0.6, 0.5)
-    view.camera.picture(turned.qpos)
-    changed = np.abs(view.camera.room().astype(int) - room).max(axis=2) > 20
+    changed = np.abs(view.camera.room(turned.qpos).astype(int) - room).max(axis=2) > 20
     assert 0.001 < changed.mean() < 0.03  # the head alone is drawn elsewhere
     assert np.abs(view.camera.picture(start).astype(int) - before).max() <= 1
 

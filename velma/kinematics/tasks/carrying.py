@@ -1,7 +1,7 @@
 """Postures in which an arm holds an object upright and leaves room for the other arm and the torso."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pinocchio as pin
@@ -9,6 +9,7 @@ import pinocchio as pin
 from velma.kinematics import ik
 from velma.kinematics.collision import World
 from velma.kinematics.frames import heading, standing
+from velma.kinematics.motion import Keep
 from velma.kinematics.robot import Robot
 
 # Where the grip goes, in the torso frame [m], for the left hand (mirrored for the right); task runs with the true
@@ -39,20 +40,16 @@ def carries(
         turn = mirror * rng.uniform(*HEADING)
         grip = standing(np.zeros(3), turn - object_yaw) * T_grip_object.inverse()
         target = pin.SE3(grip.rotation, at)
-        posture = ik.sample(robot, side, target, q, rng, torso=torso, accept=world.free, best=True)
+        posture = ik.sample(robot, side, target, q, rng, torso=torso, first=world.first_free, best=True)
         if posture is not None and all(world.free(_turned(posture, t)) for t in TORSO_SWEEP):
             yield posture
 
 
-def upright(robot: Robot, side: str, T_grip_object: pin.SE3, largest_tilt: float) -> Callable[[np.ndarray], bool]:
-    """Return the condition on q (15,) that the axis of the object stays within `largest_tilt` [rad] of the vertical."""
+def upright(robot: Robot, side: str, T_grip_object: pin.SE3, largest_tilt: float) -> Keep:
+    """Return the condition that the axis of the object stays within `largest_tilt` [rad] of the vertical."""
     least = math.cos(largest_tilt)
-    axis = np.ascontiguousarray(T_grip_object.rotation[:, 2])
-
-    def keep(q: np.ndarray) -> bool:
-        return bool(robot.grip(q, side).rotation[2] @ axis > least)
-
-    return keep
+    parts = robot.upward(side, np.ascontiguousarray(T_grip_object.rotation[:, 2]))
+    return lambda postures: np.asarray(parts(postures) > least)
 
 
 def _turned(q: np.ndarray, torso: float) -> np.ndarray:

@@ -119,7 +119,7 @@ def _solve(
         return None
     with attaching.allowed(world, (target.name, f"{side}_hand")):
         world.fingers(side, way.steps[-1][1])
-        grasp = ik.sample(robot, side, poses[-1], q, rng, torso=torso, accept=world.free, best=True)
+        grasp = ik.sample(robot, side, poses[-1], q, rng, torso=torso, first=world.first_free, best=True)
         if grasp is None:
             return None
         way_in = _through(robot, world, side, grasp, poses[-2::-1])

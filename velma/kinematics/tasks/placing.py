@@ -4,7 +4,7 @@ The whole retreat is checked when the place is chosen: runs that found no path h
 or that ended against its own forearm.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,27 @@ ABOVE_M = 0.10  # task runs with the true robot model
 CLEARANCE_M = 0.008  # same runs: the planned end of the descent stays this much above the surface
 BACK_M = 0.05  # same runs: the last part of the retreat, against the approach axis ...
 UP_M = 0.06  # ... and up
+
+
+TURNED = (-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9)  # [rad] angles of the torso for which reach is computed (estimate)
+FREE_FROM_M = 0.01  # height above the surface where the volume starts that has to be free (estimate)
+
+
+@dataclass(frozen=True)
+class Volume:
+    """An upright cylinder above a spot [m]."""
+
+    radius: float
+    height: float
+
+    def centre(self, spot: np.ndarray) -> tuple[float, float, float]:
+        """Return its centre above a spot (3,) [m]."""
+        x, y, z = (float(v) for v in spot)
+        return x, y, z + FREE_FROM_M + self.height / 2
+
+
+# estimate: the bowl (0.10) and a finger beside it; a jar (0.20) that comes down from 0.10 above, so no shelf
+FROM_ABOVE = Volume(0.14, 0.35)
 
 
 @dataclass(frozen=True)
@@ -66,7 +87,7 @@ def placings(
             q,
             rng,
             torso=torso,
-            accept=world.free,
+            first=world.first_free,
         )
         if above is None:
             continue
@@ -80,6 +101,29 @@ def placings(
         way_back = _retreat(robot, world, side, way_down[-1], name, place, retreat)
         if way_back is not None:
             yield Placing(place, support, above, way_down, way_back, retreat)
+
+
+def turned(shoulders: Iterable[Sequence[float]]) -> list[np.ndarray]:
+    """Return where shoulders (3,) are with the torso straight and turned to either side [m]."""
+    return [standing((0.0, 0.0, 0.0), torso).act(np.array(one)) for one in shoulders for torso in TURNED]
+
+
+def within(at: np.ndarray, shoulders: Iterable[np.ndarray], near: float, far: float) -> bool:
+    """Whether a point (3,) is in reach from the nearest of the shoulders (3,), all in [m]."""
+    return bool(near < min(np.linalg.norm(at - one) for one in shoulders) < far)
+
+
+def points_on(
+    frame: pin.SE3, size: Sequence[float], foot: float, *, margin: float, spacing: float
+) -> Iterator[np.ndarray]:
+    """Yield points (3,) on a horizontal rectangle for a thing that stands on a disc of radius `foot`, all in [m].
+
+    `frame` is in its middle, `size` its edges along x and y. The disc stays `margin` away from each edge.
+    """
+    half = [s / 2 - foot - margin for s in size]
+    for x in np.arange(-half[0], half[0] + 1e-9, spacing):
+        for y in np.arange(-half[1], half[1] + 1e-9, spacing):
+            yield frame.act(np.array([x, y, 0.0]))
 
 
 def backwards(approach: Sequence[tuple[pin.SE3, float]]) -> list[tuple[pin.SE3, float]]:

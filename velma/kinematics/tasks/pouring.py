@@ -5,7 +5,7 @@ degrees, 0.15 from 90 degrees on, end at 135 degrees.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +46,13 @@ class Stream:
         return pin.SE3(rotation, opening - rotation @ np.array([0.0, 0.0, self.opening]))
 
 
+def stream(T_world_bowl: pin.SE3, rim: Sequence[float], rim_radius: float, opening: Sequence[float]) -> Stream:
+    """Return the geometry of a tilt over a bowl that stands there. `rim`, `opening`: centres (3,) in the frames of bowl
+    and jar [m].
+    """
+    return Stream(T_world_bowl.act(np.array(rim)), rim_radius, opening[2])
+
+
 @dataclass(frozen=True)
 class Tilting:
     """A solved tilt: directions [rad] and the postures from the first tilt to the last (lists of (15,))."""
@@ -77,7 +84,7 @@ def tiltings(
             q,
             rng,
             torso=(-1.25, 1.25),
-            accept=world.free,
+            first=world.first_free,
         )
         if seed is None:
             continue

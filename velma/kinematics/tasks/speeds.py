@@ -1,4 +1,4 @@
-"""Speeds of the tasks, and torso angles for going home: pl computes durations by them, ex moves by them.
+"""Speeds of the tasks: pl computes durations by them, ex moves by them.
 
 From task runs with the true robot model where nothing else is said; speeds are those of the grip [m/s].
 """
@@ -7,4 +7,3 @@ EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # free motions, with empty hands and wit
 APPROACH_SPEED, LIFT_SPEED, DOWN_SPEED, RETREAT_SPEED = 0.2, 0.1, 0.04, 0.15
 PULL_SPEED = 0.12  # of the handle of a leaf; estimate: one of 1.7 kg then pulls with less than 2 N
 TILT_SPEED, BACK_SPEED = 0.25, 0.35  # of the pouring hand, and back again
-HOME_TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], tried in this order when an arm goes home

@@ -63,6 +63,13 @@ class LostObject(Observation, frozen=True):
     side: Side
 
 
+class GivenObject(Observation, frozen=True):
+    """A hand gave an object to a person. Nobody knows where it is now."""
+
+    object: str
+    side: Side
+
+
 class MissingObject(Observation, frozen=True):
     """An object was looked for, and is not where it should be: nothing hides the place. Nobody knows where it is."""
 
@@ -81,7 +88,7 @@ class WorldLost(Observation, frozen=True):
     why: Facts
 
 
-AnySight = SeenObject | PlacedObject | SeenBody | SeenHand | FeltContent | LostObject | MissingObject
+AnySight = SeenObject | PlacedObject | SeenBody | SeenHand | FeltContent | LostObject | GivenObject | MissingObject
 AnyObservation = AnySight | NothingSeen | WorldLost
 
 

@@ -15,6 +15,7 @@ from companion.languages.values import Pose
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot
 from companion.tools.pictures.scene import Scene
+from companion.tools.shown import SHOWN
 from operate.pictures.colours import AXES, ORANGE, SIDES
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, arrows, strips
@@ -80,15 +81,19 @@ class Acts:
             case rc.MoveCartesian(side=side, segments=segments):
                 start = self._grip(side, {})[:3, 3]
                 return [np.cumsum([start, *(np.array(one.offset) for one in segments)], axis=0)], []
-            case rc.Grasp(object=thing, approach=approach) | rc.OpenDoor(door=thing, approach=approach) if (
-                thing in self._scene.poses
-            ):
-                on = robot.frame(self._scene.poses[thing])
-                frames = [on @ robot.frame(point.at) for point in approach][-8:]
-                return [np.array([frame[:3, 3] for frame in frames])], frames
             case rc.Release(place=Pose() as place):
                 return [], [robot.frame(place)]
-        return [], []
+        return self._approach(command)
+
+    def _approach(self, command: rc.Command) -> tuple[list[Array], list[Array]]:
+        """Path and frames of a hand that comes to a thing as it stands now; none of other acts."""
+        row = SHOWN.get(type(command))
+        thing = getattr(command, row.points_on) if row and row.points_on else ""
+        if thing not in self._scene.poses:
+            return [], []
+        on = robot.frame(self._scene.poses[thing])
+        frames = [on @ robot.frame(point.at) for point in getattr(command, "approach", ())][-8:]
+        return [np.array([frame[:3, 3] for frame in frames])], frames
 
     def _grip(self, side: str, instead: dict[str, float]) -> Array:
         """T_world_grip (4, 4) of a hand at the present joints, some of them others."""

@@ -1,8 +1,10 @@
 """Lanes of states of this robot beside those of any system: the plan's step, ex's act, the loop's mode."""
 
 from companion.languages import rc, sw
+from companion.sentences import Reader
+from companion.sentences import step as worded
 from companion.telemetry import RobotState
-from companion.wording import plain, spaced
+from companion.wording import spaced
 from fipa_codec.performatives import Performative
 from operate.pictures.happenings import Happening
 from operate.pictures.lanes import REST, Lane
@@ -26,8 +28,8 @@ class ActLanes:
             case RobotState() as robot:
                 self._loop.enter(at, robot.mode or REST)
             case Spoken(content=sw.Report() as report):
-                step = plain(report.at.partition("/")[0])
-                self._plan.enter(at, REST if report.state in sw.FINAL else step or self._plan.now or REST)
+                step = worded(report.at.step, Reader.OPERATOR) if report.at and report.at.step else self._plan.now
+                self._plan.enter(at, REST if report.state in sw.FINAL else step or REST)
             case Spoken(channel="C5") as one:
                 self._acting(at, one)
 

@@ -1,12 +1,13 @@
 """The plan as text: its machine's states, what is behind, and the leaf ta is in."""
 
 from companion.languages import hfsm, sw
-from companion.wording import plain
+from companion.wording import does, plain
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, documents
 from operate.recording.records import Spoken
 
 PLAN = "plan"
+Path = tuple[str, ...]
 
 
 class Plan:
@@ -16,15 +17,16 @@ class Plan:
         self._sheet = sheet
         self._plan: hfsm.HierarchicalPlan | None = None
         self._number = 0
-        self._behind: set[str] = set()
-        self._at, self._outcome = "", ""
+        self._behind: set[Path] = set()
+        self._at: Path = ()
+        self._outcome = ""
         sheet.add(PLAN, documents, sheet.begin, "No plan yet.")
 
     def take(self, happening: Happening) -> None:
         """Note a plan given to ta, and ta's reports."""
         match happening.what:
             case Spoken(channel="C1", content=hfsm.HierarchicalPlan() as plan):
-                self._plan, self._at, self._outcome, self._behind = plan, "", "", set()
+                self._plan, self._at, self._outcome, self._behind = plan, (), "", set()
                 self._number += 1
             case Spoken(content=sw.Report() as report) if self._plan is not None:
                 self._report(report)
@@ -33,35 +35,35 @@ class Plan:
         self._sheet.add(PLAN, documents, happening.at, self._text())
 
     def _report(self, report: sw.Report) -> None:
-        if report.at and report.at != self._at:
+        if report.at is not None and report.at.path != self._at:
             if self._at:
                 self._behind.add(self._at)
-                if self._at.partition("/")[0] != report.at.partition("/")[0]:
-                    self._behind.add(self._at.partition("/")[0])
-            self._at = report.at
+                if self._at[0] != report.at.path[0]:
+                    self._behind.add(self._at[:1])
+            self._at = report.at.path
         if report.state in sw.FINAL:
-            self._outcome, self._at = report.state.lower(), ""
+            self._outcome, self._at = report.state.lower(), ()
 
     def _text(self) -> str:
         plan = self._plan
         if plan is None:
             return "No plan yet."
         head = f"**Plan {self._number}: {plain(plan.task)}** – {self._outcome or 'under way'}"
-        return "\n".join((head, "", *self._lines(plan.root, "", 0)))
+        return "\n".join((head, "", *self._lines(plan.root, ())))
 
-    def _lines(self, machine: hfsm.Machine, path: str, deep: int) -> list[str]:
+    def _lines(self, machine: hfsm.Machine, path: Path) -> list[str]:
         lines: list[str] = []
         for state in machine.states:
-            here = f"{path}/{state.name}" if path else state.name
-            lines.append("  " * deep + "- " + self._line(here, plain(state.name)))
-            if isinstance(state, hfsm.Machine) and (self._at + "/").startswith(here + "/"):
-                lines += self._lines(state, here, deep + 1)
+            here = (*path, state.name)
+            lines.append("  " * len(path) + "- " + self._line(here, does(state)))
+            if isinstance(state, hfsm.Machine) and self._at[: len(here)] == here:
+                lines += self._lines(state, here)
         return lines
 
-    def _line(self, here: str, name: str) -> str:
+    def _line(self, here: Path, name: str) -> str:
         """`here` is behind, the leaf ta is in, around it, or not yet begun."""
         if here == self._at:
             return f"**▶ {name}**"
-        if (self._at + "/").startswith(here + "/"):
+        if self._at[: len(here)] == here:
             return f"**{name}**"
         return f"✓ {name}" if here in self._behind else name

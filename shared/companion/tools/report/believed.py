@@ -1,4 +1,4 @@
-"""The robot's belief beside the truth at the end of a run: where each thing is, and how much was poured.
+"""The robot's belief beside the truth at the end of a run: where each thing is, and what it said to be true.
 
 Must not know: success.
 """
@@ -8,13 +8,14 @@ import math
 import msgspec
 import numpy as np
 
-from companion.languages import cmd, rc
-from companion.languages.evidence import Claim, Evidence, Sense
+from companion.languages import cmd
+from companion.languages.evidence import Claim, ClaimOfAct, Evidence, Sense
 from companion.languages.values import BodyPosture, Vector
 from companion.telemetry import TrueState
 from companion.tools.beliefs import Belief, Beliefs
 from companion.tools.pictures import robot
 from companion.tools.report import plans, verdict
+from companion.tools.report.judges import judges
 from companion.wording import evidence, plain, spaced
 from operate.recording.history import History
 from operate.recording.records import Spoken
@@ -38,25 +39,12 @@ class Believed(msgspec.Struct, frozen=True):
     held: str = ""
 
 
-class Share(msgspec.Struct, frozen=True):
-    """The part of the content that the robot believes to have poured, from the weight [kg] that left the source in its
-    last pour that was done and what it took the content to weigh; `seen_kg`: in the bowl then, null where it was not
-    looked into; `true`: grains in the bowl of all grains.
-    """
-
-    believed: float | None
-    left_kg: float | None
-    content_kg: float | None
-    true: float | None
-    seen_kg: float | None = None
-
-
 class Claimed(msgspec.Struct, frozen=True):
     """A claim about a thing at the end of a task: `by` which senses, none: not checked; `at` [s, simulated], `within`
     [m] as the robot said; `true`: by the simulation, null where that does not tell. `words`: all of it but the truth.
     """
 
-    claim: Claim
+    claim: ClaimOfAct
     of: str
     by: tuple[Sense, ...]
     at: float
@@ -84,11 +72,7 @@ def _true(one: Evidence, truth: TrueState | None) -> bool | None:
             return held
         case Claim.STANDS if one.of in truth.tilt_deg:
             return not held and truth.tilt_deg[one.of] < verdict.MOST_TILT_DEG
-        case Claim.ARRIVED if truth.grains:
-            return truth.grains_in.get(one.of, 0) > 0
-        case Claim.LEFT if truth.grains:
-            return truth.grains_in.get(one.of, 0) < truth.grains
-    return None
+    return next((told for judge in judges() if (told := judge.true(one, truth)) is not None), None)
 
 
 def things(history: History) -> tuple[Believed, ...]:
@@ -98,24 +82,6 @@ def things(history: History) -> tuple[Believed, ...]:
         beliefs.hear(one)
     true = _places(verdict.last_truth(history))
     return tuple(_believed(history, beliefs, name, true.get(name)) for name in sorted(beliefs.objects | set(true)))
-
-
-def share(history: History) -> Share:
-    """Return how much was poured by belief and by truth."""
-    true = verdict.poured(history, plans.task_command(history)).fraction
-    done = [
-        (one.content.weighed, act.command, one.content.seen)
-        for act in plans.acts(history)
-        if act.done and isinstance(act.command, rc.Pour)
-        for one in history.said
-        if isinstance(one.content, rc.Done) and one.content.key == act.command.key and one.content.weighed
-    ]
-    if not done:
-        return Share(None, None, None, true)
-    (before, after), pour, seen = done[-1]
-    content = before - pour.empty_mass
-    inside = next((one.content for one in seen if one.object == pour.destination), None)
-    return Share((before - after) / content if content > 0.0 else None, before - after, content, true, inside)
 
 
 def _believed(history: History, beliefs: Beliefs, name: str, true_at: Vector | None) -> Believed:

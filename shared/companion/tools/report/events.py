@@ -4,6 +4,7 @@ Must not know: the truth of the simulation. "jar grasped" means that ex said so.
 """
 
 from collections.abc import Iterator
+from enum import StrEnum
 
 import msgspec
 
@@ -14,7 +15,7 @@ from companion.tools.report.plans import (
     Made,
     Ran,
     acts,
-    asked,
+    asked_of,
     commands,
     made,
     outcome,
@@ -23,19 +24,49 @@ from companion.tools.report.plans import (
     task_command,
     task_end,
 )
+from companion.tools.shown import SHOWN
 from operate.recording.history import History
 
-ENDS = {cmd.TaskState.DONE: "finished", REFUSED: REFUSED}
-"""Names of a command's end where its state alone is not clear."""
+
+class Kind(StrEnum):
+    """Names of events; a task has its own for what its act has done (companion.tasks, part `shown`)."""
+
+    FIRST_THING = "km-hears-of-the-first-thing"
+    SURROUNDINGS = "km-knows-the-surroundings"
+    COMMAND = "command-received"
+    FINISHED = "finished"
+    REFUSED = "refused"
+    ENDED = "ended"
+    PLAN_REQUESTED = "plan-requested"
+    PLAN_RECEIVED = "plan-received"
+    NO_PLAN = "no-plan"
+    PLAN_BEGINS = "plan-begins"
+    PLAN_ENDED = "plan-ended"
+    GRASPED = "grasped"
+    PULLED_OUT = "pulled-out"
+    RELEASED = "put-down"
+    LOCALIZED = "localized"
+
+
+ENDS: dict[str, Kind] = {cmd.TaskState.DONE: Kind.FINISHED, REFUSED: Kind.REFUSED}
+"""Kinds of a command's end; any other one has the state."""
 
 
 class Event(msgspec.Struct, frozen=True):
-    """Something that happened: unix time, name, the channels it was said on, and why, where somebody said so."""
+    """Something that happened: unix time, kind, of which things, numbers or outcomes, the channels it was said on, and
+    why, where somebody said so.
+    """
 
     at: float
-    name: str
+    kind: str
+    of: tuple[str, ...]
     channels: tuple[str, ...]
     text: str = ""
+
+    @property
+    def name(self) -> str:
+        """Its kind with what it is of, by which a design or an operator names it: `grasped jar_1`."""
+        return " ".join((self.kind, *self.of))
 
 
 def events(history: History) -> tuple[Event, ...]:
@@ -50,47 +81,45 @@ def events(history: History) -> tuple[Event, ...]:
     return tuple(sorted(found, key=lambda event: event.at))
 
 
-def word(object: str) -> str:
-    """An object's id in a word: jar_1 is the jar."""
-    return object.rstrip("0123456789").rstrip("_") or object
-
-
 def _knowledge(history: History) -> Iterator[Event]:
     """km's first survey: the observations it gets before the first act of a plan (or all, where there is none)."""
     first = min((plan.start for plan in ran(history)), default=float("inf"))
     seen = [o.received for o in history.said if isinstance(o.content, wm.SeenObject) and o.received < first]
     if seen:
-        yield Event(seen[0], "km hears of the first thing", ("C5", "C6"))
-        yield Event(seen[-1], "km knows the surroundings", ("C5", "C6"))
+        yield Event(seen[0], Kind.FIRST_THING, (), ("C5", "C6"))
+        yield Event(seen[-1], Kind.SURROUNDINGS, (), ("C5", "C6"))
 
 
 def _commands(history: History) -> Iterator[Event]:
-    """Yield the commands of people: the report's task by the names of the paper's table, all others by their words."""
+    """Yield the commands of people: the report's task as in the paper's table, all others with what was asked."""
     main = task_command(history)
     for command in commands(history):
-        of = "" if command is main else f": {asked(command)}"
-        yield Event(command.received, f"command received{of}", ("C2",))
+        of = () if command is main else asked_of(command)
+        yield Event(command.received, Kind.COMMAND, of, ("C2",))
         end = task_end(history, command)
         if end is not None:
-            name = ENDS.get(outcome(end)) or f"ended, {outcome(end)}"
-            yield Event(end.received, f"{name}{of}", ("C2",), reason(end))
+            kind = ENDS.get(outcome(end), Kind.ENDED)
+            how = (outcome(end),) if kind is Kind.ENDED else ()
+            yield Event(end.received, kind, (*how, *of), ("C2",), reason(end))
 
 
 def _planning(plan: Made) -> Iterator[Event]:
-    yield Event(plan.start, f"plan {plan.number} requested", ("C3",))
+    number = (str(plan.number),)
+    yield Event(plan.start, Kind.PLAN_REQUESTED, number, ("C3",))
     if plan.end is not None:
-        name = f"plan {plan.number} received" if plan.outcome == "found" else f"no plan {plan.number}"
-        yield Event(plan.end, name, ("C3", "C4"), plan.reason)
+        kind = Kind.PLAN_RECEIVED if plan.outcome == "found" else Kind.NO_PLAN
+        yield Event(plan.end, kind, number, ("C3", "C4"), plan.reason)
 
 
 def _running(plan: Ran) -> Iterator[Event]:
-    yield Event(plan.start, f"plan {plan.number} begins", ("C1",))
+    number = str(plan.number)
+    yield Event(plan.start, Kind.PLAN_BEGINS, (number,), ("C1",))
     if plan.end is not None and plan.outcome is not None:
-        yield Event(plan.end, f"plan {plan.number} ended: {plan.outcome}", ("C1",), plan.reason)
+        yield Event(plan.end, Kind.PLAN_ENDED, (number, plan.outcome), ("C1",), plan.reason)
 
 
 def _handling(history: History) -> Iterator[Event]:
-    """Grasped, pulled out, put down, localized, poured."""
+    """What acts did that were done; of a thing that was put down also when it was localized."""
     holding: dict[str, str] = {}  # side -> object that was grasped and not moved yet
     all_acts = acts(history)
     for act in all_acts:
@@ -99,17 +128,16 @@ def _handling(history: History) -> Iterator[Event]:
         match act.command:
             case rc.Grasp(side=side, object=object):
                 holding[side] = object
-                yield Event(act.end, f"{word(object)} grasped", ("C5",))
+                yield Event(act.end, Kind.GRASPED, (object,), ("C5",))
             case rc.MoveCartesian(side=side) if side in holding:
-                yield Event(act.end, f"{word(holding.pop(side))} pulled out", ("C5",))
+                yield Event(act.end, Kind.PULLED_OUT, (holding.pop(side),), ("C5",))
             case rc.Release(object=object, side=side):
                 holding.pop(side, None)
-                yield Event(act.end, f"{word(object)} put down", ("C5",))
+                yield Event(act.end, Kind.RELEASED, (object,), ("C5",))
                 yield from _localized(history, all_acts, act, object)
-            case rc.Pour():
-                yield Event(act.end, "content poured", ("C5",))
-            case rc.OpenDoor(door=door):
-                yield Event(act.end, f"{word(door)} opened", ("C5",))
+            case command if (row := SHOWN.get(type(command))) and row.event:
+                of = tuple(getattr(command, name) for name in row.of)
+                yield Event(act.end, row.event, of, ("C5",))
 
 
 def _localized(history: History, all_acts: tuple[Act, ...], release: Act, object: str) -> Iterator[Event]:
@@ -121,5 +149,5 @@ def _localized(history: History, all_acts: tuple[Act, ...], release: Act, object
         return
     for one in history.said:
         if isinstance(one.content, wm.SeenObject) and one.content.object == object and one.received >= looked:
-            yield Event(one.received, f"{word(object)} localized", ("C5", "C6"))
+            yield Event(one.received, Kind.LOCALIZED, (object,), ("C5", "C6"))
             return

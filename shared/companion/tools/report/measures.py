@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from companion.design import DESIGN
+from companion.sentences import happened
 from companion.tools.report import planning_runs
 from companion.tools.report.paper import PAPER, TABLE_8
 from companion.tools.report.plan_figures import PourFigures, peak_kbit_s, quantities
@@ -42,7 +43,7 @@ def _percent(share: float | None) -> float | None:
 def _paper() -> Published:
     """The paper's figures by the names of ours."""
     figures = {
-        "command to end": PAPER.times["finished"] - PAPER.times["command received"],
+        "command to end": PAPER.times["finished"] - PAPER.times["command-received"],
         "communicates": float(PAPER.total_table),
         SMALL: 100 * PAPER.small,
         LARGEST: float(PAPER.largest_bytes),
@@ -55,7 +56,8 @@ def _paper() -> Published:
         figures |= {f"plan {plan.number}: communicates of C4": float(plan.communicates)}
         if plan.mean_kbit_s is not None:
             figures |= {f"plan {plan.number}: mean bandwidth of C4": plan.mean_kbit_s}
-    return Published("paper", PAPER.source, figures, PAPER.times, PAPER.matrix)
+    events = {one.id: happened(one.event, one.of) for one in PAPER.time}
+    return Published("paper", PAPER.source, figures, PAPER.times, events, PAPER.matrix)
 
 
 def peaks(runs: Runs) -> Iterator[Row]:

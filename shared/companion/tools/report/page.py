@@ -5,6 +5,7 @@ from datetime import datetime
 from pathlib import Path
 
 from companion.design import DESIGN
+from companion.sentences import happened
 from companion.tools import telemetry
 from companion.tools.beliefs import MOST_APART_MM
 from companion.tools.report import planning, plans, story
@@ -58,12 +59,12 @@ Row = tuple[float | None, float | None, str, str, str, float | None]
 def _times(report: Report, paper: Paper) -> list[Row]:
     """Rows of Table 7: ours, simulated, event, why, channels, the paper's; its rows that we lack stay, empty."""
     rows: list[Row] = [
-        (event.t, event.sim_s, event.name, event.text, ", ".join(event.channels), paper.times.get(event.name))
+        (event.t, event.sim_s, event.words, event.text, ", ".join(event.channels), paper.times.get(event.id))
         for event in report.events
     ]
-    ours = {event.name for event in report.events}
-    rows += [(None, None, name, "", "", at) for name, at in paper.times.items() if name not in ours]
-    return rows
+    ours = {event.id for event in report.events}
+    lacking = (one for one in paper.time if one.id not in ours)
+    return [*rows, *((None, None, happened(one.event, one.of), "", "", one.t) for one in lacking)]
 
 
 def _planned(report: Report) -> list[tuple[float, float, str]]:

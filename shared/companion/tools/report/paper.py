@@ -15,8 +15,21 @@ class PaperPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     peak_kbit_s: float | None = None
 
 
+class PaperEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One of its events, by our name: `t` s from the start of its run."""
+
+    event: str
+    t: float
+    of: tuple[str, ...] = ()
+
+    @property
+    def id(self) -> str:
+        """Its name with what it is of."""
+        return " ".join((self.event, *self.of))
+
+
 class Paper(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Its run. `times`: our name of an event -> seconds from the start; `matrix`: sender -> receiver -> count."""
+    """Its run. `matrix`: sender -> receiver -> count."""
 
     source: str
     total_table: int
@@ -25,9 +38,14 @@ class Paper(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     c4_least_bytes: int
     c4_mean_bytes: int
     c4_largest_bytes: int
-    times: dict[str, float]
+    time: tuple[PaperEvent, ...]
     matrix: dict[str, dict[str, int]]
     plan: tuple[PaperPlan, ...]
+
+    @property
+    def times(self) -> dict[str, float]:
+        """Our id of an event -> seconds from the start."""
+        return {one.id: one.t for one in self.time}
 
     def made(self, number: int) -> PaperPlan | None:
         """The plan of this number."""

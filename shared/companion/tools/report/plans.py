@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import msgspec
 
 from companion.languages import cmd, hfsm, rc, sw
+from companion.tools.report.judges import judge_of
 from companion.wording import plain, spaced, why
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
@@ -94,19 +95,25 @@ def commands(history: History) -> tuple[Spoken, ...]:
 
 def asked(command: Spoken) -> str:
     """A command in words: what is to be done with what."""
+    name, *of = asked_of(command)
+    return plain(" ".join((spaced(name), *of)))
+
+
+def asked_of(command: Spoken) -> tuple[str, ...]:
+    """The class of a command, and what is to be done with what."""
     what = command.content
     fields = [getattr(what, name) for name in what.__struct_fields__ if name not in cmd.Command.__struct_fields__]
-    return plain(" ".join((spaced(type(what).__name__), *(one for one in fields if one and isinstance(one, str)))))
+    return (type(what).__name__, *(one for one in fields if one and isinstance(one, str)))
 
 
 def task_command(history: History) -> Spoken | None:
-    """The first command of a person to pour that was not refused; without one the first to pour, else the first of any
-    kind; None where there is none.
+    """The first command of a person for a task with a verdict of its own (the main job) that was not refused; without
+    one the first for such a task, else the first of any kind; None where there is none.
     """
     all_commands = commands(history)
-    pours = [one for one in all_commands if isinstance(one.content, cmd.PourInto)]
-    taken = [one for one in pours if outcome(task_end(history, one)) != REFUSED]
-    return next(iter((*taken, *pours, *all_commands)), None)
+    judged = [one for one in all_commands if judge_of(one.content)]
+    taken = [one for one in judged if outcome(task_end(history, one)) != REFUSED]
+    return next(iter((*taken, *judged, *all_commands)), None)
 
 
 def outcome(end: Spoken | None) -> str:
@@ -134,15 +141,6 @@ def task_end(history: History, command: Spoken) -> Spoken | None:
     return None
 
 
-def states_of(machine: hfsm.Machine, path: str = "") -> Iterator[str]:
-    """All states of a plan as paths, in the order of its tree."""
-    for state in machine.states:
-        here = f"{path}/{state.name}" if path else state.name
-        yield here
-        if isinstance(state, hfsm.Machine):
-            yield from states_of(state, here)
-
-
 def _answers(history: History, opening: Spoken) -> Iterator[Spoken]:
     for one in history.said:
         if one.conversation == opening.conversation and one.sender == opening.receiver:
@@ -164,7 +162,7 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
         task=", then ".join(_task(task) for task in asked.content.tasks),
         start=asked.received,
         end=None if end is None else end.received,
-        wall_s=None if took is None else took.s,
+        wall_s=took,
         queries=sum(one.performative == Performative.QUERY_REF for one in talk),
         waits=tuple(_waits(history, talk)),
         communicates=len(talk),
@@ -180,7 +178,7 @@ def _task(task: hfsm.Task) -> str:
 
 
 def _waits(history: History, talk: list[Spoken]) -> Iterator[tuple[float, float]]:
-    """From each query, as the recorder heard it, as long as its answer took."""
+    """From each query, as it was taken, as long as its answer took."""
     asked: dict[str, Spoken] = {}
     for one in talk:
         if one.performative == Performative.QUERY_REF:
@@ -189,7 +187,7 @@ def _waits(history: History, talk: list[Spoken]) -> Iterator[tuple[float, float]
             query = asked.pop(one.conversation)
             took = history.answered(query, one)
             if took is not None:
-                yield query.received, query.received + took.s
+                yield query.received, query.received + took
 
 
 def _outcome(end: Spoken) -> str:

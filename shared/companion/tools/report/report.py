@@ -9,9 +9,11 @@ from math import fsum
 import msgspec
 
 from companion.design import DESIGN
-from companion.telemetry import Lateness
+from companion.sentences import happened
+from companion.telemetry import Lateness, PageFaults
 from companion.tools.report import believed, events, plans, verdict
 from companion.tools.report.clock import Clock
+from companion.tools.report.judges import Figures, Share, judges
 from companion.tools.report.paper import TABLE_8
 from companion.tools.telemetry import paced, robot, truth
 from operate.recording.history import History
@@ -21,20 +23,29 @@ from operate.reports.report import FaultAt, HoleAt, Judged, faults, holes, judge
 
 
 class Happened(msgspec.Struct, frozen=True):
-    """An event: `t` s after the first communicate; `sim_s`: the simulation's clock then, null where nobody said."""
+    """An event, `of` these things, numbers or outcomes, `t` s after the first communicate. `sim_s`: the simulation's
+    clock then, null where nobody said; `words`: for people; `text`: why.
+    """
 
     t: float
     name: str
+    of: tuple[str, ...]
+    words: str
     channels: tuple[str, ...]
     sim_s: float | None
     text: str = ""
+
+    @property
+    def id(self) -> str:
+        """Its name with what it is of."""
+        return " ".join((self.name, *self.of))
 
 
 class Task(msgspec.Struct, frozen=True):
     """A command of a person, from `t` to `end` [s]; null: it did not end. `asked`: what for; `outcome`: co's last word.
 
-    `success`: a pour by what was true at its end, another task by co's word; `failure`: why not, else null.
-    `claims`: what the robot said that is true at the end.
+    `success`: by what was true at its end where the task has a verdict of its own, else by co's word; `failure`: why
+    not, else null. `claims`: what the robot said that is true at the end.
     """
 
     t: float
@@ -81,7 +92,7 @@ class Loop(msgspec.Struct, frozen=True):
 
     `paced`: it kept a clock (speed 1); else no cycle has a deadline, and what counts against one is null. `realtime`:
     with the kernel's real-time priority. `compute_us`: how long a cycle takes. `saturated`: cycles whose torque was cut
-    to what the robot accepts.
+    to what the robot accepts. `page_faults`: during motions.
     """
 
     paced: bool
@@ -93,6 +104,7 @@ class Loop(msgspec.Struct, frozen=True):
     compute_us: Us
     faults: int
     saturated: int
+    page_faults: PageFaults
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -122,19 +134,19 @@ class Report(msgspec.Struct, frozen=True):
     missing: tuple[str, ...]
     faults: tuple[FaultAt, ...] = ()
     beliefs: tuple[believed.Believed, ...] = ()
-    poured: believed.Share | None = None
+    poured: Share | None = None
     tasks: tuple[Task, ...] = ()
 
 
 def build(history: History) -> Report:
     """The figures of a run."""
-    clock, state = Clock(history), verdict.poured(history, plans.task_command(history))
-    failure = verdict.failure(history)
+    clock, failure = Clock(history), verdict.failure(history)
+    figures = next((one.figures(history) for one in judges() if one.figures), Figures())
     report = Report(
         success=failure is None,
         failure=failure,
-        poured_fraction=state.fraction,
-        bowl_tilt_deg=state.bowl_tilt_deg,
+        poured_fraction=figures.poured_fraction,
+        bowl_tilt_deg=figures.bowl_tilt_deg,
         sim_time_s=_sim_time(history, clock),
         wall_time_s=_wall_time(history),
         energy_J=_energy(history),
@@ -152,7 +164,7 @@ def build(history: History) -> Report:
         missing=(),
         faults=faults(history),
         beliefs=believed.things(history),
-        poured=believed.share(history),
+        poured=figures.poured,
         tasks=tuple(_task(history, command) for command in plans.commands(history)),
     )
     return msgspec.structs.replace(report, missing=_missing(report, history))
@@ -183,8 +195,7 @@ def _sim_time(history: History, clock: Clock) -> float | None:
 def _wall_time(history: History) -> float | None:
     command = plans.task_command(history)
     end = None if command is None else plans.task_end(history, command)
-    took = None if command is None or end is None else history.answered(command, end)
-    return None if took is None else took.s
+    return None if command is None or end is None else history.answered(command, end)
 
 
 def _energy(history: History) -> float | None:
@@ -217,7 +228,15 @@ def _plans(history: History) -> tuple[Plan, ...]:
 
 def _events(history: History, clock: Clock) -> tuple[Happened, ...]:
     return tuple(
-        Happened(event.at - history.begin, event.name, event.channels, clock.sim(event.at), event.text)
+        Happened(
+            event.at - history.begin,
+            event.kind,
+            event.of,
+            happened(event.kind, event.of),
+            event.channels,
+            clock.sim(event.at),
+            event.text,
+        )
         for event in events.events(history)
     )
 
@@ -236,6 +255,7 @@ def _loop(history: History) -> Loop | None:
         compute_us=_us(last.compute_us) if last.compute_us.max else Us(),
         faults=last.faults,
         saturated=last.saturated,
+        page_faults=last.page_faults,
     )
 
 

@@ -8,33 +8,23 @@ from collections.abc import Iterator
 import msgspec
 from matplotlib.axes import Axes
 
-from companion.languages import cmd, rc, sw
+from companion.languages import cmd, hfsm, rc, sw
+from companion.sentences import Reader, step
 from companion.tools.report.plans import REFUSED, Act, acts, asked, commands, made, outcome, ran, task_end
-from companion.wording import plain, spaced
+from companion.tools.shown import SHOWN
+from companion.wording import spaced
 from operate.recording.history import History
 from operate.reports.figures import ACCENT, FAINT, INK, WIDTH_IN, drawing
 
 LANES = ("person, hi", "co, pl", "km", "ta", "ex: left hand", "ex: right hand", "ex: head")
-WORDS: dict[type[rc.Command], tuple[str, str]] = {
-    rc.MoveJoint: ("move", "#94a3b8"),
-    rc.MoveCartesian: ("pull", "#64748b"),
-    rc.Home: ("home", "#94a3b8"),
-    rc.Grasp: ("grasp", "#d97706"),
-    rc.Release: ("put down", "#15803d"),
-    rc.Look: ("look", "#6d28d9"),
-    rc.Pour: ("pour", "#be185d"),
-    rc.OpenDoor: ("open", "#78350f"),
-}
 PLAN, FAILED = "#4338ca", "#b91c1c"
-VERBS = ("take", "carry", "place", "pour", "look", "open")
-"""First words of a plan's states that say enough alone."""
 PALE, STEP = "#e2e8f0", "#bae6fd"
 LEGEND = (
     ("task", ACCENT),
     ("a plan is made", PLAN),
     ("ta's step", STEP),
     ("ex works out how", PALE),
-    *(one for kind, one in WORDS.items() if kind is not rc.Home),
+    *((row.word, row.colour) for act, row in SHOWN.items() if act is not rc.Home),
     ("failed", FAILED),
 )
 """Meaning of each colour of the figure; going home looks as any move does."""
@@ -99,31 +89,37 @@ def steps(history: History) -> Iterator[Bar]:
     for plan in ran(history):
         until = plan.end if plan.end is not None else history.said[-1].received
         reports = [
-            (one.received, one.content.at.partition("/")[0])
+            (one.received, one.content.at)
             for one in history.said
             if one.conversation == plan.conversation and isinstance(one.content, sw.Report) and one.content.at
         ]
-        starts = [(at, name) for n, (at, name) in enumerate(reports) if n == 0 or reports[n - 1][1] != name]
+        starts = [one for n, one in enumerate(reports) if n == 0 or reports[n - 1][1].path[0] != one[1].path[0]]
         ends = [*(at for at, _ in starts[1:]), until]
-        for (at, name), end in zip(starts, ends, strict=True):
-            verb = name.partition(" ")[0]
-            yield Bar("ta", at, end, STEP, (plain(name), verb) if verb in VERBS else (plain(name),), INK)
+        for (at, place), end in zip(starts, ends, strict=True):
+            yield Bar("ta", at, end, STEP, _texts(place), INK)
+
+
+def _texts(place: hfsm.Place) -> tuple[str, ...]:
+    """Return what ta does in words, and shorter; the end of a plan is no step."""
+    return () if place.step is None else (step(place.step, Reader.OPERATOR), place.step.does.replace("-", " "))
 
 
 def _acts(history: History) -> Iterator[Bar]:
     for act in acts(history):
         side = getattr(act.command, "side", None)
         lane = f"ex: {side} hand" if side else "ex: head"
-        word, colour = word_of(act), WORDS.get(type(act.command), ("", FAINT))[1]
+        row = SHOWN.get(type(act.command))
         moving = act.agreed or act.end or act.start
         yield Bar(lane, act.start, moving, PALE)
         if act.end is not None:
-            yield Bar(lane, moving, act.end, colour if act.done else FAILED, (word,))
+            colour = FAILED if not act.done else row.colour if row else FAINT
+            yield Bar(lane, moving, act.end, colour, (word_of(act),))
 
 
 def word_of(act: Act) -> str:
     """Return the kind of an act in a word."""
-    return WORDS.get(type(act.command), (spaced(type(act.command).__name__), ""))[0]
+    row = SHOWN.get(type(act.command))
+    return row.word if row else spaced(type(act.command).__name__)
 
 
 def _draw(axes: Axes, bar: Bar, begin: float, until: float) -> None:

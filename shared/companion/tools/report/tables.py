@@ -18,7 +18,7 @@ def of_history(history: History) -> dict[str, pyarrow.Table]:
 
 
 def happened(history: History) -> pyarrow.Table:
-    """The events of a run: t [s after the first communicate], sim_s, name, channels, text."""
+    """The events of a run: t [s after the first communicate], sim_s, name with what it is of, channels, text."""
     clock, found = Clock(history), events(history)
     columns: dict[str, list[Any]] = {
         "t": [one.at - history.begin for one in found],

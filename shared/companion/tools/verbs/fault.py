@@ -4,12 +4,12 @@ The order stands in a file of the run folder that the simulator alone reads; the
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, TypeVar
 
 import typer
 from msgspec.structs import replace
@@ -34,7 +34,7 @@ from velma.errors import VelmaError
 from velma.model import scene
 from velma.model.kinds import MOVEABLE
 from velma.sim import disturbances
-from velma.sim.disturbances import SENSES, Disturbance, Of
+from velma.sim.disturbances import ROWS, SENSES, Disturbance, Of
 
 EYE = "ex"
 """The process whose child takes the camera's pictures."""
@@ -43,35 +43,25 @@ FOR_S = 10.0
 """Estimate: an act of the robot takes 3 to 10 s."""
 
 
-class Sense(StrEnum):
-    """Senses that can fail."""
-
-    WRIST = Of.WRIST.value
-    CAMERA = Of.CAMERA.value
-    ENCODER = Of.ENCODER.value
-    GRIP = Of.GRIP.value
+MOVES = tuple(kind for kind in ROWS[Of.THING] if kind is not disturbances.Kind.MOVED)
+"""What somebody does with a thing that can be taken; the last kind befalls furniture."""
+FAILS = tuple(dict.fromkeys(kind for sense in SENSES for kind in ROWS[sense]))
+E = TypeVar("E", bound=StrEnum)
 
 
-class Failing(StrEnum):
-    """How senses fail."""
+def one_of(known: Sequence[E]) -> dict[str, Any]:
+    """Return the settings of an argument or option that takes one of these."""
 
-    ZERO = disturbances.Kind.ZERO.value
-    STUCK = disturbances.Kind.STUCK.value
-    NAN = disturbances.Kind.NAN.value
-    BIAS = disturbances.Kind.BIAS.value
-    BLACK = disturbances.Kind.BLACK.value
-    FROZEN = disturbances.Kind.FROZEN.value
-    DIMMED = disturbances.Kind.DIMMED.value
-    MIRRORED = disturbances.Kind.MIRRORED.value
+    def name(word: str) -> E:
+        try:
+            return next(one for one in known if one == word)
+        except StopIteration:
+            raise typer.BadParameter(f"{word!r} is not one of {', '.join(known)}") from None
 
+    def complete(incomplete: str) -> list[str]:
+        return among(known, incomplete)
 
-class Moved(StrEnum):
-    """What somebody does with a thing."""
-
-    PUSHED = disturbances.Kind.PUSHED.value
-    REMOVED = disturbances.Kind.REMOVED.value
-    TIPPED = disturbances.Kind.TIPPED.value
-    ADDED = disturbances.Kind.ADDED.value
+    return {"parser": name, "metavar": f"[{'|'.join(known)}]", "autocompletion": complete}
 
 
 def joints(incomplete: str) -> list[str]:
@@ -91,8 +81,10 @@ For = Annotated[float, typer.Option("--for", min=0.1, help="How long it lasts [s
 
 
 def sensor(
-    sense: Annotated[Sense, typer.Argument(help="What fails.")],
-    kind: Annotated[Failing, typer.Option(help="How it fails; each sense has some of them.")],
+    sense: Annotated[Of, typer.Argument(help="What fails.", **one_of(SENSES))],
+    kind: Annotated[
+        disturbances.Kind, typer.Option(help="How it fails; each sense has some of them.", **one_of(FAILS))
+    ],
     side: Annotated[values.Side | None, typer.Option(help="Of wrist and grip; else both.")] = None,
     joint: Annotated[
         str, typer.Option(metavar="NAME", help="Of encoder, such as left_arm_3_joint.", autocompletion=joints)
@@ -119,10 +111,10 @@ def sensor(
       roco fault sensor camera --kind frozen --for 20
     """
     with problems(form), interrupts.heard():
-        one = Disturbance("", Of(sense), disturbances.Kind(kind), joint or side or "", () if by is None else (by,))
+        one = Disturbance("", sense, kind, joint or side or "", () if by is None else (by,))
         if joint and side:
             raise UsageError("--side and --joint name two parts; an encoder has a joint, wrist and grip have a side")
-        if sense is Sense.ENCODER and not joint:
+        if sense is Of.ENCODER and not joint:
             raise UsageError(f"which encoder? name its joint: --joint, one of {', '.join(disturbances.ON[Of.ENCODER])}")
         ordered(one, at, for_, within, target, run_dir, form)
 
@@ -132,13 +124,14 @@ def thing(
         str,
         typer.Argument(metavar="NAME", help="A thing of the scene that can be taken: jar_1.", autocompletion=moveable),
     ],
-    kind: Annotated[Moved, typer.Option(help="What somebody does with it.")],
+    kind: Annotated[disturbances.Kind, typer.Option(help="What somebody does with it.", **one_of(MOVES))],
     by: Annotated[
         str,
         typer.Option(
             metavar="X,Y,Z",
             help="In the robot's frame: how far it is pushed (m), in which direction it is tipped, at which place it is"
-            " added (m); else 5 cm to its left, to its left, where the scene has it.",
+            " added (m), with which force it is pulled or knocked (N); else 5 cm to its left, to its left, where the"
+            " scene has it, 10 or 20 N forwards.",
         ),
     ] = "",
     at: At = "",
@@ -148,10 +141,11 @@ def thing(
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Push, tip, remove or add a thing of the simulated world.
+    """Push, tip, remove, add, pull or knock a thing of the simulated world.
 
     What is removed stands on the floor behind the robot, and is put back after --for; added is a thing that stands
-    elsewhere. What was pushed, tipped or added stays so. The fleet is up with --faults; nothing tells the robot.
+    elsewhere. What was pushed, tipped or added stays so. A person pulls as long as --for, and carries off what the
+    robot lets go. The fleet is up with --faults; nothing tells the robot.
 
     Examples:
       roco fault thing bowl_1 --kind pushed --by 0,-0.05,0
@@ -159,7 +153,7 @@ def thing(
       roco fault thing jar_1 --kind removed --for 60
     """
     with problems(form), interrupts.heard():
-        one = Disturbance("", Of.THING, disturbances.Kind(kind), name, vector(by))
+        one = Disturbance("", Of.THING, kind, name, vector(by))
         ordered(one, at, for_, within, target, run_dir, form)
 
 

@@ -21,7 +21,7 @@ TAKEN_S = 5.0  # estimate: ta, co and hi take a step each, in milliseconds
 PERIOD_S = 0.1
 ASKS = {
     Level.AUTO: "no act waits for you",
-    Level.HANDLING: "acts that grasp, let go or pour wait for you",
+    Level.HANDLING: "acts that handle a thing wait for you",
     Level.CONFIRM: "every act waits for you",
 }
 
@@ -34,7 +34,7 @@ class NothingWaitsError(ConsoleError):
 
 def step(
     autonomy: Annotated[
-        Level | None, typer.Option(help="From now on: no act waits, those that grasp, let go or pour do, or all.")
+        Level | None, typer.Option(help="From now on: no act waits, those that handle a thing do, or all.")
     ] = None,
     replan: Annotated[
         bool, typer.Option("--replan", help="End the act under way, or give up the one that waits; plan again.")
@@ -68,7 +68,7 @@ def step(
 def let(fleet: Target, verb: Verb) -> TaskLine:
     """Give the word about what waits, or is under way; the task as it is a moment later. Raise NothingWaitsError."""
     line = _running(fleet)
-    at = line.asks or (line.at if verb is Verb.REPLAN else "")
+    at = line.asks or (line.at.id if verb is Verb.REPLAN and line.at is not None else "")
     if not at:
         beat = operator.heartbeat(fleet, AgentName.TA)
         level = Level(str(beat.parameters.get(LEVEL, Level.AUTO.value)) if beat is not None else Level.AUTO)

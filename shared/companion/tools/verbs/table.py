@@ -21,7 +21,7 @@ VERBS: Table = {
     },
     "Faults, on purpose": {
         "fault sensor": (f"{ROOM}.fault:sensor", "Let a sense of the simulated robot fail."),
-        "fault thing": (f"{ROOM}.fault:thing", "Push, tip, remove or add a thing of the simulated world."),
+        "fault thing": (f"{ROOM}.fault:thing", "Push, tip, remove, add, pull or knock a thing of the simulated world."),
     },
     "Runs reported, repeated, compared": {
         "experiment pour": (

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from companion.languages import cmd, hfsm, rc, sw
 from companion.sentences import operator
 from companion.tools.report.plans import Act, Made, Ran, acts, made, ran
-from companion.wording import evidence, plain, spaced
+from companion.wording import at, does, evidence, plain, spaced
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
 from operate.recording.records import Spoken
@@ -83,20 +83,31 @@ def _planned(history: History, plan: Made) -> Iterator[Fact]:
     if isinstance(content, hfsm.NoPlan):
         yield Fact(answer.sent, f"pl found no {name}: {operator(content.why)}", record)
         return
-    steps = ", ".join(plain(state.name) for state in content.root.states)
+    steps = ", ".join(does(state) for state in content.root.states)
     asks = f"with {content.queries} answers of km, to take {content.duration:.0f} s"
     yield Fact(answer.sent, f"pl found {name} {asks}: {steps}", record)
     yield from (Fact(answer.sent, text, record) for text in _ends(content.root))
 
 
 def _ends(machine: hfsm.Machine) -> Iterator[str]:
-    """Yield why a plan is to end with another one, where it says so."""
+    """Yield why a plan is to end with another one, or with a failure if an act fails, where it says so."""
+    succeeding = set(_succeeding(machine))
     for state in machine.states:
         if isinstance(state, hfsm.EndState):
             why = f": {operator(state.why)}" if state.why else ""
-            yield f"the plan is to end with {state.outcome} at “{plain(state.name)}”{why}"
+            how = "is to end" if state.name in succeeding else "ends, if an act fails,"
+            yield f"the plan {how} with {state.outcome}{why}"
         elif isinstance(state, hfsm.Machine):
             yield from _ends(state)
+
+
+def _succeeding(machine: hfsm.Machine) -> Iterator[str]:
+    """Yield the states of a machine that are entered one after the other while each succeeds."""
+    states, name = {state.name: state for state in machine.states}, machine.initial
+    while name:
+        yield name
+        arcs: tuple[hfsm.Arc, ...] = getattr(states[name], "arcs", ())
+        name = next((arc.to for arc in arcs if arc.on is hfsm.Outcome.SUCCEEDED), "")
 
 
 def _went(history: History, plan: Ran) -> Iterator[Fact]:
@@ -108,10 +119,9 @@ def _went(history: History, plan: Ran) -> Iterator[Fact]:
     if last is None:
         return
     done = sum(one.done for one in mine)
-    at = next(
-        (one.content.at for one in reversed(reports) if isinstance(one.content, sw.Report) and one.content.at), ""
-    )
-    reason = operator(last.content.why) or (f"at “{plain(at)}”" if at else "")
+    places = (one.content.at for one in reversed(reports) if isinstance(one.content, sw.Report) and one.content.at)
+    where = at(next(places, None))
+    reason = operator(last.content.why) or (f"at “{where}”" if where else "")
     after = f" after {done} act{'s' * (done != 1)}" if mine else ""
     words = f"ta ended {name} with {last.content.state}{after}" + (f": {reason}" if reason else "")
     yield Fact(last.sent, words, _record(last))

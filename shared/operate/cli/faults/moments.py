@@ -27,7 +27,7 @@ MESSAGE = re.compile(r"(\d+)(?:st|nd|rd|th)?-message")
 EVENT, PLAN = "event:", "plan:"
 FORMS = (
     "seconds (2.5), a time (@UNIX), a state (STATE or AGENT:STATE), the Nth message (3rd-message), an event of the"
-    f" run ({EVENT}NAME), or a state of the plan ({PLAN}PATH)"
+    f" run ({EVENT}NAME), or a step of the plan ({PLAN}STEP or {PLAN}STEP/ACT)"
 )
 LOOK_S = 0.02
 
@@ -58,27 +58,36 @@ class Message(msgspec.Struct, frozen=True):
     agent: str = ""
 
 
-class InRun(msgspec.Struct, frozen=True):
-    """As soon as the run tells an event of this name (`events` of report.json), or is in this state of a plan.
+class Event(msgspec.Struct, frozen=True):
+    """As soon as the run tells an event of this name, `of` these things or numbers (`events` of report.json).
 
-    `plan`: a path or its beginning, as `take jar_1` of `take jar_1/grasp`; only what is told from now on counts.
+    The first of them are enough. Only what is told from now on counts.
     """
 
-    event: str = ""
-    plan: str = ""
+    name: str
+    of: tuple[str, ...] = ()
 
     def there(self, line: LiveLine) -> bool:
         """Whether a line of live.jsonl tells it."""
-        match line:
-            case Happened(name=name):
-                return bool(self.event) and name == self.event
-            case PlanAt(at=at):
-                return bool(self.plan) and f"{at}/".startswith(f"{self.plan}/")
-            case _:
-                return False
+        return isinstance(line, Happened) and line.name == self.name and line.of[: len(self.of)] == self.of
 
 
-Moment = After | Until | InState | Message | InRun
+class InPlan(msgspec.Struct, frozen=True):
+    """As soon as the plan is in a step that does this, with these things, and in this act of it ("": any)."""
+
+    does: str
+    things: tuple[str, ...] = ()
+    act: str = ""
+
+    def there(self, line: LiveLine) -> bool:
+        """Whether a line of live.jsonl tells it."""
+        if not isinstance(line, PlanAt) or line.at is None or line.outcome:
+            return False
+        at = line.at
+        return at.does == self.does and at.things[: len(self.things)] == self.things and self.act in ("", at.act)
+
+
+Moment = After | Until | InState | Message | Event | InPlan
 
 
 class _Beat(msgspec.Struct, frozen=True):
@@ -101,11 +110,24 @@ def parse(text: str, design: Design, target: str) -> Moment:
         return Message(int(found[1]), target if target in design.agents else "")
     kind, _, name = text.partition(":")
     if text.startswith((EVENT, PLAN)) and kind not in design.agents:
-        if not name:
+        if not name.strip():
             raise UsageError(f"{text!r} names nothing; give {FORMS}")
-        return InRun(**{kind: name})
+        return _event(name) if text.startswith(EVENT) else _in_plan(name, text)
     agent, _, state = text.rpartition(":")
     return InState(_whose(agent, state, text, design, target), state)
+
+
+def _event(text: str) -> Event:
+    name, *of = text.split()
+    return Event(name, tuple(of))
+
+
+def _in_plan(text: str, whole: str) -> InPlan:
+    step, _, act = text.partition("/")
+    does, *things = step.split() or [""]
+    if not does:
+        raise UsageError(f"{whole!r} names no step; give {FORMS}")
+    return InPlan(does, tuple(things), act)
 
 
 def _whose(agent: str, state: str, text: str, design: Design, target: str) -> str:
@@ -158,7 +180,7 @@ def wait(moment: Moment, within_s: float, target: str, run_dir: Path | None) -> 
     if isinstance(moment, Until):
         time.sleep(max(0.0, moment.at - time.time()))
         return
-    if isinstance(moment, InRun):
+    if isinstance(moment, Event | InPlan):
         _wait_in_run(moment, within_s, targets.find(target, run_dir))
         return
     there, until = counter(moment), time.monotonic() + within_s
@@ -170,7 +192,7 @@ def wait(moment: Moment, within_s: float, target: str, run_dir: Path | None) -> 
                 raise _never_there(moment, within_s)
 
 
-def _wait_in_run(moment: InRun, within_s: float, fleet: Target) -> None:
+def _wait_in_run(moment: Event | InPlan, within_s: float, fleet: Target) -> None:
     follow, until = Follow(fleet.live), time.monotonic() + within_s
     follow.new()
     while not any(moment.there(line) for line in follow.new()):
@@ -192,7 +214,9 @@ def words(moment: Moment) -> str:
             return f"{datetime.fromtimestamp(at):%H:%M:%S.%f}"[:-4]
         case InState(agent=agent, state=state):
             return f"{agent}:{state}"
-        case InRun(event=event, plan=plan):
-            return repr(event or plan)
+        case Event(name=name, of=of):
+            return repr(" ".join((name, *of)))
+        case InPlan(does=does, things=things, act=act):
+            return repr(" ".join((does, *things)) + (f"/{act}" if act else ""))
         case Message(count=count, agent=agent):
             return f"message {count}{f' of {agent}' if agent else ''}"

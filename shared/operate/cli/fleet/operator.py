@@ -1,4 +1,4 @@
-"""The operator's orders to one agent: put on the house key `control`, and answered by the agent's next heartbeat.
+"""The operator's orders to one agent: put on the signal `control`, and answered by the agent's next heartbeat.
 
 An order is put again until it is answered; the agent obeys a copy once more, which changes nothing.
 """
@@ -42,13 +42,13 @@ def agent_of(fleet: Target, name: str) -> str:
 
 def key(design: Design, system: str, agent: str) -> str:
     """The key of orders to an agent. Raises UsageError where the design has none."""
-    house = design.houses.get(KIND)
-    if house is None or OPERATOR not in house.writers or agent not in house.readers:
+    signal = design.signals.get(KIND)
+    if signal is None or OPERATOR not in signal.writers or agent not in signal.readers:
         raise UsageError(
-            f"the design gives nobody the right to order {agent}: it needs a [[house]] of kind {KIND!r} with writers ="
+            f"the design gives nobody the right to order {agent}: it needs a [[signal]] of kind {KIND!r} with writers ="
             f' ["{OPERATOR}"] and {agent} among its readers; docs/parameters.md shows it'
         )
-    return design.house_key(KIND, system=system, owner=OPERATOR, peer=agent)
+    return design.signal_key(KIND, system=system, owner=OPERATOR, peer=agent)
 
 
 def order(fleet: Target, name: str, what: Order) -> Beat:

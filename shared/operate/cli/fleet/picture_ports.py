@@ -39,7 +39,8 @@ def taken(fleet: Target, now: Look) -> Iterator[Taken]:
     for name in (GRPC, WEB):
         text = fleet.variable(MONITOR, name)
         port = int(text) if text.isdecimal() else 0
-        if 0 < port < 65536 and listens(port) and not fleet_processes.listens(fleet.run, port):
+        # A connection would have the monitor draw.
+        if 0 < port < 65536 and not fleet_processes.listens(fleet.run, port) and listens(port):
             yield Taken(name, port)
 
 

@@ -38,7 +38,7 @@ Faults = Annotated[
     bool,
     typer.Option("--faults", help="Agents have wires and clocks of their own, which `roco fault` can disturb."),
 ]
-Out = Annotated[Path | None, typer.Option("--out", help="Where everything is written; else runs/<time>.")]
+Out = Annotated[Path | None, typer.Option("--out", "--run-dir", help="Where everything is written; else runs/<time>.")]
 For = Annotated[float | None, typer.Option("--for", min=1.0, help="Bring it down after this many seconds.")]
 Another = Annotated[
     str, typer.Option("--another", metavar="NAME", help="Beside a fleet that runs: a second one, in runs/NAME.")

@@ -26,7 +26,7 @@ from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, HOST, WEB, listens, taken
-from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.runs import folders
 from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
 
@@ -49,13 +49,19 @@ class Seen(msgspec.Struct, frozen=True):
     command: tuple[str, ...]
 
 
+def pictures(incomplete: str) -> list[str]:
+    """Pictures of runs."""
+    return completion.among(sorted(map(str, folders.RUNS.glob(f"*/{RRD_FILE}"))), incomplete)
+
+
 def view(
-    run: Annotated[
+    file: Annotated[
         Path | None,
-        typer.Argument(help="A run's folder, or a file.rrd; else what runs.", autocompletion=completion.runs),
+        typer.Argument(metavar="FILE.rrd", help="Pictures in a file; else those of a run.", autocompletion=pictures),
     ] = None,
     web: Annotated[bool, typer.Option("--web", help="In a browser; needs no display on this machine.")] = False,
     target: targets.Name = "",
+    run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
     """Look at a running fleet or at a recorded run in Rerun. With --format json only says how.
@@ -63,11 +69,12 @@ def view(
     Examples:
       roco view
       roco view --web
-      roco view runs/latest
+      roco view --run-dir runs/latest
+      roco view run.rrd --web
       roco view --target compose --web --format json
     """
     with problems(form), interrupts.heard():
-        seen = found(run, target, web)
+        seen = found(file, target, run_dir, web)
         if form is Format.JSON:
             tell_json(seen)
         elif web and seen.live:
@@ -76,13 +83,13 @@ def view(
             raise typer.Exit(window(seen, web))
 
 
-def found(run: Path | None, target: str, web: bool) -> Seen:
+def found(file: Path | None, target: str, run_dir: Path | None, web: bool) -> Seen:
     """Return the picture that is meant. NoRunError, UsageError, ConsoleError say what is missing and what to do."""
-    if run is not None and run.is_file():
-        return recorded(run, web)
-    if run is not None and not run.is_dir():
-        raise UsageError(f"{run} is no run's folder and no file; `ls runs` lists runs")
-    meant = targets.find(str(run) if run else target)
+    if file is not None:
+        if not file.is_file():
+            raise UsageError(f"{file} is no file of pictures; a run is named by --run-dir, and `roco runs` lists them")
+        return recorded(file, web)
+    meant = targets.find(target, run_dir)
     if not isinstance(meant, Local):
         return live(containers(os.environ), meant.where)
     address = folders.read(meant.run / VIEW_FILE, ViewAddress)

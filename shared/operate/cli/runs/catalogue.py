@@ -23,9 +23,9 @@ from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.rate_tables import size as bytes_in_words
-from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, TRAFFIC_FILE, Fleet, ProcessState
+from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, STEPS, TRAFFIC_FILE, Fleet, ProcessState
 
-MARKS = (FLEET_FILE, TRAFFIC_FILE, REPORT_FILE, "steps")
+MARKS = (FLEET_FILE, TRAFFIC_FILE, REPORT_FILE, STEPS)
 """A folder with one of these is a run."""
 UP, SUCCESS, FAILED, ENDED, UNKNOWN = "up", "success", "failed", "ended", "unknown"
 COLOURS = {UP: "green", SUCCESS: "green", FAILED: "red"}

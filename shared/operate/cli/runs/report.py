@@ -99,7 +99,7 @@ def events(told: dict[str, Any]) -> RenderableType:
     for name in ("wall [s]", "simulated [s]"):
         table.add_column(name, justify="right")
     for one in told["events"]:
-        table.add_row(one["name"], _number(one["t"]), _number(one["sim_s"]))
+        table.add_row(one["words"], _number(one["t"]), _number(one["sim_s"]))
     return table
 
 

@@ -11,8 +11,8 @@ from rich.text import Text
 from operate.cli.fleet.state_words import COLOURS, doing, waited_for
 from operate.cli.fleet.tasks import Task
 from operate.cli.terminal.console import Console
-from operate.cli.terminal.run_state import Event, Plain, Plan, View, leaves
-from operate.run_folder import Fleet
+from operate.cli.terminal.run_state import Event, Names, Plan, View, leaves, tasks, within
+from operate.run_folder import Fleet, Step
 from operate.system import System
 from topdown.model.design import Design
 
@@ -36,7 +36,7 @@ class Scene(msgspec.Struct, frozen=True):
 
 def picture(scene: Scene, now: float | None = None, lines: int = 40, width: int = 80) -> RenderableType:
     """Draw it all, as many events as fit into `lines` of a terminal so wide; `now`: unix time [s]."""
-    design, plain = scene.system.design, scene.system.plain
+    system, design = scene.system, scene.system.design
     upper = Table.grid(expand=True, padding=(0, 1))
     upper.add_column(ratio=6)
     left = Group(
@@ -45,14 +45,14 @@ def picture(scene: Scene, now: float | None = None, lines: int = 40, width: int 
     )
     if scene.system.additions.live:  # who adds lines tells of plans
         upper.add_column(ratio=5)
-        plan = plan_tree(scene.view, plain)
+        plan = plan_tree(scene.view, system)
         upper.add_row(left, Panel(plan, title=plan_title(scene.view), title_align="left", border_style="dim"))
     else:
         upper.add_row(left)
     top = header(scene, time.time() if now is None else now)
     processes = len(scene.fleet.processes) if scene.fleet else 1
     height = len(wrapped(top, width)) + processes + len(design.channels) + 4  # four lines of frames
-    return Group(top, upper, events(scene.view, scene.began, max(1, lines - height - 1), width, plain))
+    return Group(top, upper, events(scene.view, scene.began, max(1, lines - height - 1), width, system))
 
 
 def header(scene: Scene, now: float) -> Text:
@@ -109,59 +109,64 @@ def plan_title(view: View) -> str:
     plan = view.plan
     if plan is None:
         return "plan"
-    steps = leaves(plan.states)
-    if plan.outcome or plan.at not in steps:
+    steps = [one.path for one in leaves(plan.states)]
+    if plan.at is None or plan.at.path not in steps:
         return f"plan {view.plans}"
-    return f"plan {view.plans}, step {steps.index(plan.at) + 1} of {len(steps)}"
+    return f"plan {view.plans}, step {steps.index(plan.at.path) + 1} of {len(steps)}"
 
 
-def plan_tree(view: View, plain: Plain = str) -> Text:
+def plan_tree(view: View, system: System) -> Text:
     """The plan as an indented tree; machines without the present state are folded when it is long."""
     plan = view.plan
     if plan is None:
         return Text("none yet", "dim")
-    text = Text(plain(plan.task), "bold")
+    text = Text(tasks(plan.tasks, system), "bold")
     if plan.outcome:
         text.append(f"   {ENDED.get(plan.outcome, plan.outcome)}", COLOURS.get(_as_state(plan.outcome), "yellow"))
-    for path in shown(plan, PLAN_LINES - 1):
-        depth, name = path.count("/"), plain(path.rsplit("/", 1)[-1])
-        if path == plan.at:
-            text.append(f"\n{'  ' * depth}▶ {name}", "bold green")
-        elif within(plan.at, path):
-            text.append(f"\n{'  ' * depth}▾ {name}", "green")
-        elif path in plan.passed or _wholly_passed(plan, path):
-            text.append(f"\n{'  ' * depth}✓ {name}", "dim green")
+    here = plan.at.path if plan.at is not None else ()
+    for one in shown(plan, PLAN_LINES - 1):
+        indent = "  " * (len(one.path) - 1)
+        name = system.step(msgspec.structs.replace(one, does="", things=(), side="") if one.act else one)
+        name = name or " ".join(one.path[-1:])
+        if one.path == here:
+            text.append(f"\n{indent}▶ {name}", "bold green")
+        elif within(here, one.path):
+            text.append(f"\n{indent}▾ {name}", "green")
+        elif one.path in plan.passed or _wholly_passed(plan, one.path):
+            text.append(f"\n{indent}✓ {name}", "dim green")
         else:
-            text.append(f"\n{'  ' * depth}· {name}", "dim")
+            text.append(f"\n{indent}· {name}", "dim")
     return text
 
 
-def shown(plan: Plan, lines: int) -> tuple[str, ...]:
-    """The paths that are drawn: all, if there is room; else those beside and above the present one, at most `lines`."""
+def shown(plan: Plan, lines: int) -> tuple[Step, ...]:
+    """The states drawn: all, if there is room; else those beside and above the present one, at most `lines`."""
     if len(plan.states) <= lines:
         return plan.states
-    open_machines = {plan.at.rsplit("/", n)[0] for n in range(1, plan.at.count("/") + 1)}
-    paths = [path for path in plan.states if "/" not in path or path.rsplit("/", 1)[0] in open_machines]
-    here = paths.index(plan.at) if plan.at in paths else 0
+    at = plan.at.path if plan.at is not None else ()
+    states = [one for one in plan.states if len(one.path) == 1 or within(at, one.path[:-1])]
+    paths = [one.path for one in states]
+    here = paths.index(at) if at in paths else 0
     first = max(0, min(here - lines // 2, len(paths) - lines))
-    return tuple(paths[first : first + lines])
+    return tuple(states[first : first + lines])
 
 
-def events(view: View, began: float, lines: int, width: int = 80, plain: Plain = str) -> Text:
+def events(view: View, began: float, lines: int, width: int, system: System) -> Text:
     """The latest events that fit, each whole, in seconds after `began` [unix s]; of the last one what fits."""
     shown: list[Text] = []
     for event in reversed(view.events):
-        told = _event(event, began, width, plain)
+        told = _event(event, began, width, system)
         if shown and len(shown) + len(told) > lines:
             break
         shown = [*told, *shown]
     return Text("\n").join(shown[:lines])
 
 
-def _event(event: Event, began: float, width: int, plain: Plain) -> list[Text]:
+def _event(event: Event, began: float, width: int, system: System) -> list[Text]:
     """An event in lines: what it says stands in a column beside its time."""
     at = Text(f"{max(0.0, event.t - began):5.0f} s  ", "dim")
-    words = Text.assemble(event.who, (f": {plain(event.text)}" if event.text else "", "dim"))
+    why = f": {system.plain(event.text)}" if event.text else ""
+    words = Text.assemble(system.happened(event.name, event.of), (why, "dim"))
     column = max(LEAST_COLUMN, width - len(at))
     return [(at if not number else Text(" " * len(at))) + line for number, line in enumerate(wrapped(words, column))]
 
@@ -171,14 +176,9 @@ def wrapped(text: Text, width: int) -> list[Text]:
     return list(text.wrap(_MEASURE, width))
 
 
-def within(path: str, machine: str) -> bool:
-    """Tell whether a path stands inside a machine."""
-    return path.startswith(machine + "/")
-
-
-def _wholly_passed(plan: Plan, machine: str) -> bool:
+def _wholly_passed(plan: Plan, machine: Names) -> bool:
     """Tell whether this is a machine that was left behind."""
-    inside = [path for path in plan.states if within(path, machine)]
+    inside = [one.path for one in plan.states if within(one.path, machine)]
     return bool(inside) and inside[-1] in plan.passed
 
 

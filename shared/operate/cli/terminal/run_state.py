@@ -8,9 +8,11 @@ from pathlib import Path
 
 import msgspec
 
-from operate.run_folder import Against, AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
+from operate import wording
+from operate.run_folder import Against, AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent, Step, Task
+from operate.system import System
 
-Plain = Callable[[str], str]
+Names = tuple[str, ...]
 LATEST_EVENTS = 20  # the picture shows as many of them as there is room for
 _decoder: msgspec.json.Decoder[LiveLine] = msgspec.json.Decoder(LiveLine)
 
@@ -32,22 +34,23 @@ class Counted(msgspec.Struct, frozen=True):
 
 
 class Plan(msgspec.Struct, frozen=True):
-    """A plan: its states as paths in the tree's order, the present one, those passed, how it ended."""
+    """A plan: its states in the tree's order, the present one, the paths of those passed, how it ended."""
 
     id: str
-    task: str
-    states: tuple[str, ...]
-    at: str = ""
-    passed: frozenset[str] = frozenset()
+    tasks: tuple[Task, ...]
+    states: tuple[Step, ...]
+    at: Step | None = None
+    passed: frozenset[Names] = frozenset()
     outcome: str = ""
 
 
 class Event(msgspec.Struct, frozen=True):
-    """Something worth a line; `t`: unix time [s]."""
+    """Something worth a line: what happened, to what, and why; `t`: unix time [s]."""
 
     t: float
-    who: str
-    text: str
+    name: str
+    of: tuple[str, ...] = ()
+    text: str = ""
 
 
 class View(msgspec.Struct, frozen=True):
@@ -76,37 +79,43 @@ def fold(view: View, line: LiveLine) -> View:
             return msgspec.structs.replace(view, sent=sent, channels={**view.channels, channel: counted})
         case AgentIn(agent=agent, state=state, alive=alive, t=t):
             return msgspec.structs.replace(view, agents={**view.agents, agent: Seen(state, alive, t)})
-        case PlanSeen(plan=plan, task=task, states=states):
-            return msgspec.structs.replace(view, plan=Plan(plan, task, states), plans=view.plans + 1)
+        case PlanSeen(plan=plan, tasks=tasks, states=states):
+            return msgspec.structs.replace(view, plan=Plan(plan, tasks, states), plans=view.plans + 1)
         case PlanAt(at=at, outcome=outcome) if view.plan is not None:
             return msgspec.structs.replace(view, plan=_moved(view.plan, at, outcome))
-        case Happened(t=t, name=name, text=text) if not _begins(name):
-            return view.with_event(Event(t, name, text))
+        case Happened(t=t, name=name, of=of, text=text):
+            return view.with_event(Event(t, name, of, text))
         case Against(t=t, verdict=verdict):
-            return view.with_event(Event(t, verdict, against(line)))
+            return view.with_event(Event(t, verdict, text=against(line)))
         case _:
             return view
 
 
-def leaves(states: tuple[str, ...]) -> list[str]:
+def leaves(states: tuple[Step, ...]) -> list[Step]:
     """The states of a plan that are not machines: its steps."""
-    return [path for path in states if not any(other.startswith(path + "/") for other in states)]
+    return [one for one in states if not any(within(other.path, one.path) for other in states)]
 
 
-def step(at: str, plain: Plain = str) -> str:
-    """Return a plan's present place for people: the machine, then the state in it."""
-    return plain(at).replace("/", ": ")
+def within(path: Names, machine: Names) -> bool:
+    """Tell whether a path stands inside a machine."""
+    return len(path) > len(machine) and path[: len(machine)] == machine
 
 
-def in_words(line: LiveLine, plain: Plain = str) -> str:
-    """The line for a log without pictures, ids as `plain` says them; "" for what is only counted or told elsewhere."""
+def tasks(some: tuple[Task, ...], system: System) -> str:
+    """Return what a plan is for."""
+    return ", then ".join(wording.task(one, system.plain) for one in some) or "plan"
+
+
+def in_words(line: LiveLine, system: System) -> str:
+    """The line for a log without pictures, in the system's words; "" for what is only counted or told elsewhere."""
     match line:
-        case PlanSeen(task=task, states=states):
-            return f"plan received: {plain(task)}, in {len(leaves(states))} steps"
-        case PlanAt(at=at, outcome="") if at:
-            return f"  {step(at, plain)}"
-        case Happened(name=name, text=text) if not (_begins(name) or _told_elsewhere(name)):
-            return f"{name}: {text}" if text else name
+        case PlanSeen(tasks=some, states=states):
+            return f"plan received: {tasks(some, system)}, in {len(leaves(states))} steps"
+        case PlanAt(at=at, outcome="") if at is not None:
+            return f"  {system.step(at)}"
+        case Happened(name=name, of=of, text=text, again=False):
+            what = system.happened(name, of)
+            return f"{what}: {text}" if text else what
         case AgentIn(agent=agent, alive=False):
             return f"{agent}: gone"
         case Against(verdict=verdict):
@@ -121,22 +130,11 @@ def against(line: Against) -> str:
     return f"{what}{line.why}"
 
 
-def _begins(name: str) -> bool:
-    """A plan begins as soon as it is there: no news of its own."""
-    return name.startswith("plan ") and name.endswith(" begins")
-
-
-def _told_elsewhere(name: str) -> bool:
-    """A plan that is there, and a task that ended, say more in a line of their own."""
-    return (name.startswith("plan ") and name.endswith(" received")) or name.startswith(
-        ("finished", "ended, ", "refused")
-    )
-
-
-def _moved(plan: Plan, at: str, outcome: str) -> Plan:
+def _moved(plan: Plan, at: Step | None, outcome: str) -> Plan:
     """The plan with another present state; the state before it counts as passed."""
-    passed = plan.passed | {plan.at} if plan.at and (plan.at != at or outcome) else plan.passed
-    return msgspec.structs.replace(plan, at="" if outcome else at, passed=passed, outcome=outcome)
+    left = plan.at is not None and (outcome or at is None or plan.at.path != at.path)
+    passed = plan.passed | {plan.at.path} if left and plan.at is not None else plan.passed
+    return msgspec.structs.replace(plan, at=None if outcome else at, passed=passed, outcome=outcome)
 
 
 def of_file(path: Path) -> Callable[[int], bytes]:

@@ -24,7 +24,7 @@ from operate.cli.terminal.console import Console
 from operate.cli.terminal.draw import events
 from operate.cli.terminal.graph import WINDOW_S, Edge, edges, sized
 from operate.cli.terminal.keyboard import Keyboard
-from operate.cli.terminal.run_state import View
+from operate.cli.terminal.run_state import Plan, View
 from operate.run_folder import LiveLine, Sent
 from operate.system import System
 
@@ -105,15 +105,15 @@ class Watched:
         self._heard = [line for line in self._heard if line.t > at - WINDOW_S]
         channels = edges(self.system.design, self._heard, at, WINDOW_S)
         channels = tuple(msgspec.structs.replace(one, count=self._counts.get(one.name, 0)) for one in channels)
-        plan, plain = self.view.plan, self.system.plain
+        plan = self.view.plan
         self.screen = Screen(
             self.fleet.where,
             at,
             rows(self._before, now),
             channels,
             self._task(),
-            f"plan {self.view.plans}: {plain(plan.task)}{', ' + plan.outcome if plan.outcome else ''}" if plan else "",
-            run_state.step(plan.at, plain) if plan else "",
+            self._plan(plan),
+            self.system.step(plan.at) if plan and plan.at else "",
             now.stop_held,
         )
         self._now, self._before = now, now
@@ -128,8 +128,14 @@ class Watched:
             Text(),
             channels(screen, self.view),
             Text(),
-            events(self.view, self._began, max(0, height - used - 1), width, self.system.plain),
+            events(self.view, self._began, max(0, height - used - 1), width, self.system),
         )
+
+    def _plan(self, plan: Plan | None) -> str:
+        if plan is None:
+            return ""
+        ended = f", {plan.outcome}" if plan.outcome else ""
+        return f"plan {self.view.plans}: {run_state.tasks(plan.tasks, self.system)}{ended}"
 
     def _task(self) -> Task | None:
         """The oldest that goes on, else the latest."""

@@ -58,10 +58,10 @@ class Watch:
 
     def look(self, fleet_now: Fleet | None = None, tasks: tuple[Task, ...] | None = None) -> None:
         """Take in what is new: lines of the monitor, the fleet, the tasks."""
-        view, plain = self.scene.view, self.scene.system.plain
+        view, system = self.scene.view, self.scene.system
         for line in self._follow.new():
             view = run_state.fold(view, line)
-            self._say(line.t, run_state.in_words(line, plain), line)
+            self._say(line.t, run_state.in_words(line, system), line)
         self.scene = msgspec.structs.replace(
             self.scene,
             view=view,
@@ -72,7 +72,7 @@ class Watch:
         for status in self.scene.fleet.processes if self.scene.fleet else ():
             self._tell_once(status.name, starting.describe(status), status, status.state not in QUIET)
         for task in self.scene.tasks:
-            words = f"{task.said or task.task}: {task.state}{', ' + plain(task.text) if task.text else ''}"
+            words = f"{task.said or task.task}: {task.state}{', ' + system.plain(task.text) if task.text else ''}"
             self._tell_once(f"task {task.task}", words, task, task.state in ENDED)
 
     def _tell_once(self, key: str, words: str, what: object, aloud: bool) -> None:

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from agent_runtime.core.wiring import parse_life
 from agent_runtime.io.tap import Sample
-from fipa_codec.communicate import Communicate
+from fipa_codec.communicate import Communicate, decode
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
@@ -122,17 +122,17 @@ def echoed(heard: Source, seconds: float = 0.0) -> Iterator[Echoed]:
 def _judged(judge: Judge, sample: Sample | None, at: float) -> Iterable[Judgement]:
     if sample is None:
         return judge.pass_time(at)
-    if sample.deaf_since:
-        return judge.deaf(sample.deaf_since, at, sample.sender)
     if sample.token:
         agent, chunk = sample.key.split("/")[-2:]
         found = None if sample.gone else parse_life(chunk)
         return judge.lived(agent, found[0], at, journal=found[1]) if found is not None else ()
     if said(sample) is None:
         return judge.pass_time(at)
-    if sample.log and not sample.data:
-        return judge.noted(sample.key, "noted as no communicate", at, sample.log)
-    return judge.hear(sample.key, sample.data, at, log=sample.log)
+    if sample.broken:
+        return judge.noted(sample.key, sample.broken, at)
+    if sample.size:
+        return judge.hear(sample.key, decode(sample.data), at, sample.size, (None, None))
+    return judge.hear(sample.key, sample.data, at)
 
 
 def _line(judgement: Judgement, system: System) -> Echoed:
@@ -174,8 +174,6 @@ def drawn(one: Judged, width: int, names: int) -> Text:
     else:
         words = set_cell_size(words if cell_len(words) <= room else words[: max(0, room - 1)] + "…", max(0, room))
     text.append(words, "italic").append(f" {one.verdict}", style)
-    if one.log:
-        text.append(f"\n{'':13}not heard by the recorder; from the step log of {one.log}", "dim")
     if one.violation and one.why:
         text.append(f"\n{'':13}{one.why}", "red")
     return text

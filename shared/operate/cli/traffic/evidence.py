@@ -16,7 +16,7 @@ from fipa_codec.communicate import UNREADABLE, Communicate
 from operate.cli.traffic.listen import HOUSE, recorded, said
 
 SETTING, RECEIPT = "setting", "receipt"
-"""Kinds of house keys: what the fleet was started with, and what an agent has received."""
+"""Kinds of signals: what the fleet was started with, and what an agent has received."""
 NEAR_S = 2.0
 """Time after a step within which its receipts are heard [s]; estimate: it takes milliseconds."""
 
@@ -66,7 +66,7 @@ class Evidence:
 
 
 def kind_of(sample: Sample) -> str:
-    """Return the kind of a house key; "" of others."""
+    """Return the kind of a signal; "" of others."""
     chunks = sample.key.split("/")
     return chunks[3] if not sample.token and len(chunks) > 3 and chunks[2] == HOUSE else ""
 

@@ -24,13 +24,11 @@ MOST = 40
 class Judgements(msgspec.Struct, frozen=True):
     """`roco traffic judge --format json`: how often each verdict by channel, and all that is against the design.
 
-    `since`: when the first was heard [unix s]. `filled`: how many of them the recorder did not hear; they are from the
-    step logs of the agents.
+    `since`: when the first was said [unix s].
     """
 
     communicates: int
     since: float
-    filled: int
     channels: dict[str, dict[str, int]]
     violations: tuple[Judged, ...]
 
@@ -48,8 +46,7 @@ def judge(
     """Judge every communicate of a recording by the design. Exits with 1 where something is against it, with 2 where
     there is nothing to judge.
 
-    Of a run folder also those are judged that the recorder did not hear, since it was dead or cut off: the step logs of
-    the agents have them.
+    A run folder is judged by the step logs of its agents: also what was said while no recorder lived.
 
     Examples:
       roco traffic judge runs/latest
@@ -72,11 +69,10 @@ def summary(lines: list[Judged]) -> Judgements:
     counted: dict[str, Counter[str]] = {}
     for one in lines:
         counted.setdefault(one.channel or "none", Counter())[one.verdict] += 1
-    heard = {(one.t, one.sender, one.receiver, one.id): one.log for one in lines}
+    heard = {(one.t, one.sender, one.receiver, one.id) for one in lines}
     channels = {name: {str(v): row[v] for v in Verdict if row[v]} for name, row in sorted(counted.items())}
     since = min((one.t for one in lines), default=0.0)
-    filled = sum(map(bool, heard.values()))
-    return Judgements(len(heard), since, filled, channels, tuple(one for one in lines if one.violation))
+    return Judgements(len(heard), since, channels, tuple(one for one in lines if one.violation))
 
 
 def show(found: Judgements, console: Console) -> None:
@@ -108,26 +104,12 @@ def violation(one: Judged, begin: float) -> Text:
     what = f"{one.sender} > {one.receiver} {one.performative}" if one.sender else f"{one.bytes} bytes on {one.key}"
     text = Text.assemble((f"\n{one.verdict}", "bold red"), f"  {one.channel}  {what}  ")
     where = f"id {one.id or 'none'}, conversation {one.conversation or 'none'}, " if one.sender else ""
-    text.append(f"{where}+{one.t - begin:.2f}\u00a0s{from_log(one)}", "dim")
+    text.append(f"{where}+{one.t - begin:.2f}\u00a0s", "dim")
     return text.append(f"\n  {one.why}")
 
 
-def from_log(one: Judged) -> str:
-    """Return the origin of a communicate that the recorder did not hear; "" for one that it heard."""
-    return f", from the step log of {one.log}" if one.log else ""
-
-
 def sentence(found: Judgements) -> Text:
-    """The whole in a sentence."""
-    text = outcome(found)
-    if found.filled:
-        unheard = "1 of them was" if found.filled == 1 else f"{found.filled} of them were"
-        text.append(f"\n{unheard} not heard by the recorder; taken from the agents' step logs", "not bold default")
-    return text
-
-
-def outcome(found: Judgements) -> Text:
-    """Whether all is as designed."""
+    """Return whether all is as designed."""
     if found.violations:
         count = len(found.violations)
         wrong = f"{count} violation{'s' * (count != 1)} of the design among {found.communicates} communicates"

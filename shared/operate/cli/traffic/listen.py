@@ -1,7 +1,7 @@
 """The traffic that the verbs of `roco traffic` look at: what goes by in a running fleet, or what a recording holds.
 
-Both are samples of a tap, so that whatever looks at the one looks at the other. A recording is read by a process of the
-recorder, whose business recordings are.
+Both are samples, so that whatever looks at the one looks at the other. A process of the recorder reads them, whose
+business recordings and agents' logs are: here, or in the container of a fleet's monitor.
 """
 
 import os
@@ -16,14 +16,13 @@ import msgspec
 
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_VARIABLE
-from agent_runtime.io.secured import key_file
-from agent_runtime.io.tap import RECORDER, Sample, open_tap
+from agent_runtime.io.tap import Sample
 from agent_runtime.io.waiting import Waiting
 from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import FipaError
 from operate.cli.analysis import command, environment
-from operate.cli.errors import NOTHING_RUNS, ConsoleError, NoRunError, UsageError
-from operate.cli.fleet import identity, in_container, targets
+from operate.cli.errors import NoRunError, UsageError
+from operate.cli.fleet import hear, identity, targets
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.system import System, of_run
@@ -31,24 +30,9 @@ from operate.system import System, of_run
 if TYPE_CHECKING:
     from operate.cli.fleet.compose import Compose
 
-ROUTER_S = 5.0
-"""Time to wait for a router [s] (estimate: it answers in milliseconds)."""
 HOUSE = "_"
 KEY_CHUNKS = 7
 _decoder = msgspec.json.Decoder(Sample)
-
-
-class NothingHeardError(ConsoleError):
-    """No router answers where the fleet's should."""
-
-    code = NOTHING_RUNS
-
-    def __init__(self, options: Options) -> None:
-        self.endpoint = options.connect
-        super().__init__(
-            f"no router answers at {options.connect}; is the fleet up (`roco status`)? Its recording is looked at with"
-            f" --run {options.run_dir}"
-        )
 
 
 Samples = Iterator[Sample | None]
@@ -56,21 +40,17 @@ Samples = Iterator[Sample | None]
 
 
 class Said(msgspec.Struct, frozen=True):
-    """A communicate as it went by at `at` [unix s]: what its key says of it, and itself (None: it is none)."""
+    """A communicate as it was taken at `at` [unix s]: what its key says of it, its size [bytes], and itself."""
 
     at: float
     key: str
     data: bytes
+    size: int
     channel: str
     sender: str
     receiver: str
     protocol: str
     performative: str
-
-    @property
-    def size(self) -> int:
-        """All of its bytes."""
-        return len(self.data)
 
     def communicate(self) -> Communicate | None:
         """Return it decoded; None if it is not a communicate."""
@@ -86,12 +66,21 @@ def said(sample: Sample) -> Said | None:
     if sample.token or len(chunks) != KEY_CHUNKS or chunks[2] == HOUSE:
         return None
     channel, sender, receiver, protocol, performative = chunks[2:]
-    return Said(sample.at, sample.key, sample.data, channel, sender, receiver, protocol, performative)
+    return Said(
+        sample.at,
+        sample.key,
+        sample.data,
+        sample.size or len(sample.data),
+        channel,
+        sender,
+        receiver,
+        protocol,
+        performative,
+    )
 
 
 def at_run(run_dir: Path | None) -> Options:
-    """Return the options that reach the router of a running fleet: from its folder, else (in a container) from the
-    environment.
+    """Return the options that reach a running fleet: from its folder, else (in a container) from the environment.
 
     Raises ConsoleError where no fleet was started.
     """
@@ -136,14 +125,8 @@ class Source:
         return f"; {dropped} more came faster than they could be taken" if dropped else ""
 
 
-def whose(options: Options) -> str:
-    """The identity to listen by: the operator's, else (in the monitor's container) the recorder's."""
-    there = options.keys is None or key_file(options.keys, identity.CONSOLE).is_file()
-    return identity.CONSOLE if there else RECORDER
-
-
 def meant(target: str, run_dir: Path | None) -> "Options | Compose":
-    """Return the access to the running fleet that is meant: options of a session to its router, or its containers."""
+    """Return the access to the running fleet that is meant: options that reach it, or its containers."""
     if not target and run_dir is None and folders.around():
         return at_run(None)
     fleet = targets.find(target, run_dir)
@@ -161,33 +144,27 @@ def source(file: Path | None, run_dir: Path | None, target: str = "") -> Iterato
     if file is not None:
         yield Source(of_run(file), recorded(file), None)
         return
-    fleet = meant(target, run_dir)
-    with _tapped(fleet) if isinstance(fleet, Options) else _piped(fleet) as heard:
-        yield heard
-
-
-@contextmanager
-def _tapped(options: Options) -> Iterator[Source]:
-    waiting, until = Waiting(), time.monotonic() + ROUTER_S
-    tap = open_tap(options, waiting.put, lambda: time.monotonic() > until, whose(options))
-    if tap is None:
-        raise NothingHeardError(options)
-    try:
-        yield Source(of_run(options.run_dir), _without_end(waiting), waiting)
-    finally:
-        tap.close()
-
-
-@contextmanager
-def _piped(fleet: "Compose") -> Iterator[Source]:
     waiting = Waiting()
-    with in_container.hearing(fleet.hearing()) as process:
-        yield Source(fleet.system, in_container.samples(process, waiting), waiting)
+    with hearing(run_dir, target) as (system, process):
+        yield Source(system, hear.samples(process, waiting), waiting)
 
 
-def _without_end(waiting: Waiting) -> Samples:
-    while True:
-        yield waiting.get(in_container.PAUSE_S)
+@contextmanager
+def hearing(run_dir: Path | None, target: str = "") -> Iterator[tuple[System, "subprocess.Popen[bytes]"]]:
+    """The process that prints what goes by in the running fleet. Raises ConsoleError where there is none."""
+    fleet = meant(target, run_dir)
+    if isinstance(fleet, Options):
+        system, words = of_run(fleet.run_dir), command("hear", *_at(fleet))
+    else:
+        system, words = fleet.system, fleet.hearing()
+    with hear.hearing(words, environment(system)) as process:
+        yield system, process
+
+
+def _at(options: Options) -> list[str]:
+    """Return the options of `hear` that name the fleet."""
+    words = ["--connect", options.connect, "--system", options.system, "--run-dir", str(options.run_dir)]
+    return [*words, "--keys", str(options.keys) if options.keys else ""]
 
 
 def recorded(file: Path, *, everything: bool = False) -> Samples:

@@ -16,8 +16,7 @@ LOOK_S = 0.1
 class Replayed(msgspec.Struct, frozen=True):
     """Result of a replay: communicates and other samples sent, duration [s], recorded duration [s], greatest delay [s].
 
-    `late_s` None: as fast as possible, so nothing could be late. `filled`: communicates that the recorder did not hear,
-    from the step logs of the agents.
+    `late_s` None: as fast as possible, so nothing could be late.
     """
 
     communicates: int
@@ -28,7 +27,6 @@ class Replayed(msgspec.Struct, frozen=True):
     late_s: float | None
     system: str
     connect: str
-    filled: int
 
 
 def moved(one: Communicate, recorded_at: float, now: float, fast: float | None) -> Communicate:
@@ -47,7 +45,6 @@ def sentence(done: Replayed) -> str:
     also = f" and {done.others} other things" if done.others else ""
     times = f", {done.loops} times over" if done.loops > 1 else ""
     late = "" if done.late_s is None else f"; at most {1000 * done.late_s:.1f} ms late"
-    late += f"; {done.filled} of them not heard by the recorder, from the agents' step logs" if done.filled else ""
     took = f"in {done.seconds:.1f} s (recorded in {done.recorded_s:.1f} s)"
     return f"{done.communicates} communicates{also} said again{times} {took}{late}"
 
@@ -61,7 +58,7 @@ class Player:
         """`seen`: is told each sample as it was put."""
         self._seen = seen
         self._stage, self._samples, self._fast = stage, samples, fast
-        self._communicates = self._others = self._loops = self._filled = 0
+        self._communicates = self._others = self._loops = 0
         self._late, self._began = 0.0, time.monotonic()
         self._span = samples[-1].at - samples[0].at
 
@@ -92,7 +89,6 @@ class Player:
         self._seen(Sample(f"roco/{self._stage.system}/{key}", data, now))
         self._communicates += one is not None
         self._others += one is None
-        self._filled += one is not None and bool(sample.log)
 
     def done(self) -> Replayed:
         """Return the totals of what was sent so far."""
@@ -100,5 +96,5 @@ class Player:
         stage = self._stage
         return Replayed(
             self._communicates, self._others, self._loops, round(seconds, 3), round(self._span, 3), late,
-            stage.system, stage.endpoint, self._filled,
+            stage.system, stage.endpoint,
         )  # fmt: skip

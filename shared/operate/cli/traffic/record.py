@@ -9,28 +9,21 @@ import subprocess
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated
+from typing import IO, Annotated
 
 import msgspec
 import typer
 
-from agent_runtime.io.options import Options
 from operate.cli import interrupts
 from operate.cli.analysis import command, environment
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.fleet import in_container, targets
-from operate.cli.fleet.in_container import LostError
+from operate.cli.fleet import targets
+from operate.cli.fleet.hear import LostError
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.traffic import rate_tables
 from operate.cli.traffic.filter_options import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
-from operate.cli.traffic.listen import NothingHeardError, about, meant, whose
-
-if TYPE_CHECKING:
-    from operate.cli.fleet.compose import Compose
-
-NO_ROUTER = 3
-"""The recorder's exit code where no router answers."""
+from operate.cli.traffic.listen import about, hearing
 
 
 class Recorded(msgspec.Struct, frozen=True):
@@ -77,7 +70,10 @@ def record(
             raise UsageError(f"{file.parent} is no folder; make it, or name another --out")
         asked = [msgspec.json.encode(which).decode(), "--count", str(count), "--seconds", str(for_)]
         words = command("record", str(file), "--which", *asked)
-        last = _recorded(meant(target, run_dir), file, words, environment(system), form)
+        with hearing(run_dir, target) as (_, heard):
+            last = _watched(words, environment(system), form, heard.stdout)
+            if heard.poll() is not None:
+                raise LostError(heard)
         done = msgspec.structs.replace(last, file=str(file))
         if form is Format.JSON:
             tell_json(done)
@@ -92,29 +88,10 @@ def sentence(done: Recorded) -> str:
     return what + (f"; {done.dropped} more came faster than they could be kept" if done.dropped else "")
 
 
-def _recorded(fleet: "Options | Compose", file: Path, words: list[str], shared: dict[str, str], form: Form) -> Recorded:
-    """Have it recorded by the process `words` with the environment `shared`, watched by who waits; what was recorded in
-    the end. Raises ConsoleError.
+def _watched(words: list[str], shared: dict[str, str], form: Form, heard: IO[bytes] | None) -> Recorded:
+    """Run a recorder of what is heard with the environment `shared`, telling how far it is; what was recorded in the
+    end. Raises ConsoleError.
     """
-    if isinstance(fleet, Options):
-        return _watched([*words, *_at(fleet)], shared, form, at=fleet)
-    with in_container.hearing(fleet.hearing()) as heard:
-        last = _watched([*words, "--heard"], shared, form, heard=heard.stdout)
-        if heard.poll() is not None:
-            raise ConsoleError(f"{LostError(heard)}; {file} has what was heard before")
-    return last
-
-
-def _at(options: Options) -> list[str]:
-    """Return the recorder's options that name the router."""
-    words = ["--connect", options.connect, "--system", options.system, "--run-dir", str(options.run_dir)]
-    return [*words, "--identity", whose(options), *(["--keys", str(options.keys)] if options.keys else [])]
-
-
-def _watched(
-    words: list[str], shared: dict[str, str], form: Form, at: Options | None = None, heard: IO[bytes] | None = None
-) -> Recorded:
-    """Run a recorder that reaches the router `at`, or is given what was `heard`, telling how far it is."""
     console, last, pipe = Console(stderr=True), Recorded(0, 0, 0, 0.0, 0), subprocess.PIPE
     with subprocess.Popen(words, env=shared, stdin=heard, stdout=pipe, stderr=pipe) as process:
         with console.status("recording; Ctrl-C ends it") if form is Format.TEXT else contextlib.nullcontext() as line:
@@ -122,8 +99,6 @@ def _watched(
                 if line is not None:
                     line.update(f"recording: {sentence(last)}; Ctrl-C ends it")
         said = process.stderr.read().decode(errors="replace").strip() if process.stderr else ""
-    if process.returncode == NO_ROUTER and at is not None:
-        raise NothingHeardError(at)
     if process.returncode:
         raise ConsoleError(
             f"the recorder ended with {process.returncode}; what was heard before is in its file. {said}"

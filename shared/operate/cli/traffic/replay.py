@@ -4,6 +4,7 @@ By default on a router and under a system name of its own; never where an agent 
 """
 
 import contextlib
+import shutil
 import subprocess
 import time
 from collections.abc import Iterator
@@ -29,7 +30,7 @@ from operate.cli.traffic.filter_options import Agents, Channels, Performatives, 
 from operate.cli.traffic.listen import HOUSE, recorded, said
 from operate.cli.traffic.play import Player, Replayed, sentence
 from operate.filters import Filter
-from operate.run_folder import FLEET_FILE, LIVE_FILE, Fleet
+from operate.run_folder import FLEET_FILE, LIVE_FILE, STEPS, Fleet
 from operate.system import System, of_run
 
 SYSTEM = "replay"
@@ -185,6 +186,7 @@ class Shown:
             self._pipe.close()
         self._process.wait()
         (self._folder / LIVE_FILE).unlink(missing_ok=True)
+        shutil.rmtree(self._folder / STEPS, ignore_errors=True)
         with contextlib.suppress(OSError):
             self._folder.rmdir()
 
@@ -202,7 +204,7 @@ class Shown:
 def _meant(file: Path, which: Filter, *, telemetry: bool) -> Iterator[Sample]:
     for sample in recorded(file, everything=telemetry):
         one = said(sample) if sample is not None else None
-        if sample is None or sample.token or not sample.key:
+        if sample is None or sample.token or sample.size:  # what nobody took has no content
             continue
         if which.keeps(one) if one is not None else _published(sample.key):
             yield sample

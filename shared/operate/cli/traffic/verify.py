@@ -23,10 +23,10 @@ from operate.cli.terminal.console import Console
 from operate.cli.traffic.evidence import Evidence
 from operate.cli.traffic.parting import Difference, Kept, first
 from operate.cli.traffic.script import short
-from operate.run_folder import FLEET_FILE, TRAFFIC_FILE, Fleet
+from operate.run_folder import FLEET_FILE, STEPS, TRAFFIC_FILE, Fleet
 from operate.system import System, of_run
 
-STEPS, JOURNAL = "steps", "journal"
+JOURNAL = "journal"
 RERUN_S = 600.0
 """Of one agent; estimate: an hour's steps are run again in seconds."""
 

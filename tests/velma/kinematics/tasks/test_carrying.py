@@ -66,4 +66,4 @@ def test_upright_is_the_angle_of_the_things_axis(
     leaning = pin.SE3(pin.exp3(axis * lean), np.array([0.5, 0.0, 1.0]))
     held = robot.grip(q, side).inverse() * leaning
     if abs(lean - limit) > 1e-6:
-        assert upright(robot, side, held, limit)(q) is (lean < limit)
+        np.testing.assert_array_equal(upright(robot, side, held, limit)(np.array([q, q])), lean < limit)

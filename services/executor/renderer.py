@@ -1,0 +1,152 @@
+"""The process that renders, started for the first look or picture and ended after a minute without one.
+
+Looks and pictures for people are asked for from any thread; a thread of its own waits for the child. A look that gets
+no answer is asked again of a new child, once. Where the child hangs amid a picture, the next look finds out.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from queue import Empty
+
+import msgspec
+
+from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.worker import Worker
+from companion.telemetry import Picture
+from services.executor.looks import Blind, Saw, See, Show
+from velma.model.scene import Scene
+
+ENTRY = "services.executor.renderer_process:serve"
+WITHIN_S, TRIES = 60.0, 2
+"""Of a look. Estimate: the first takes 2 s, or 20 s on a machine with much other work."""
+REST_S = 60.0
+"""Without a look or a picture, until the child is ended; estimate: a task rests for less between its motions."""
+
+
+class _Look(msgspec.Struct, frozen=True):
+    see: See
+    answer: Callable[[Saw | Blind], None]
+
+
+class _Start(msgspec.Struct, frozen=True):
+    """Be ready for a look."""
+
+
+class _Again(msgspec.Struct, frozen=True):
+    """Start with a new child."""
+
+
+class Renderer:
+    """`scene` makes the scene when the child starts; `seen` and `ended` take its pictures, and why it ended."""
+
+    def __init__(
+        self,
+        scene: Callable[[], Scene],
+        seen: Callable[[Picture], None] = lambda _: None,
+        ended: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._scene, self._seen, self._ended = scene, seen, ended
+        self._asked = OneReaderQueue[_Look | Show | _Start | _Again | None]()
+        self._answers = OneReaderQueue[Saw | str]()
+        self._child: Worker | None = None
+        self._thread = threading.Thread(target=self._serve, name="renderer", daemon=True)
+        self._thread.start()
+
+    @property
+    def pid(self) -> int:
+        """The child's process; 0: none runs."""
+        child = self._child
+        return child.pid if child is not None and child.alive else 0
+
+    def look(self, see: See, answer: Callable[[Saw | Blind], None]) -> None:
+        """Have it look; `answer` gets what it saw, on another thread. Never waits."""
+        self._asked.put(_Look(see, answer))
+
+    def show(self, show: Show) -> None:
+        """Have it make a picture for people. Never waits."""
+        self._asked.put(show)
+
+    def start(self) -> None:
+        """Have it ready for a look. Never waits."""
+        self._asked.put(_Start())
+
+    def again(self) -> None:
+        """Have the child replaced when it is needed next. Never waits."""
+        self._asked.put(_Again())
+
+    def close(self) -> None:
+        """End the child."""
+        self._asked.put(None)
+        if self._child is not None:
+            self._child.kill()  # for the thread may wait for it
+        self._thread.join(timeout=1.0)
+
+    # --- the thread ---------------------------------------------------------------------------------------------------
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                asked = self._asked.get(REST_S if self._child is not None else None)
+            except Empty:
+                self._end()
+                continue
+            match asked:
+                case None:
+                    return self._end()
+                case _Look(see=see, answer=answer):
+                    answer(self._looked(see))
+                case Show():
+                    self._running().tell(asked)
+                case _Start():
+                    self._running()
+                case _Again():
+                    self._end()
+
+    def _looked(self, see: See) -> Saw | Blind:
+        """Return what the child sees, or why none does."""
+        reason = ""
+        for _ in range(TRIES):
+            self._running().tell(see)
+            saw = self._answer(see.number)
+            if isinstance(saw, Saw):
+                return saw
+            reason = saw
+            self._end()
+        return Blind(reason)
+
+    def _answer(self, number: int) -> Saw | str:
+        until = time.monotonic() + WITHIN_S
+        try:
+            while True:
+                match self._answers.get(max(0.0, until - time.monotonic())):
+                    case Saw() as saw if saw.number == number:
+                        return saw
+                    case str() as reason:
+                        return reason
+                    case _:  # of a look that was given up
+                        continue
+        except Empty:
+            return f"no answer within {WITHIN_S:g} s"
+
+    def _running(self) -> Worker:
+        if self._child is not None and not self._child.alive:
+            self._end()
+        if self._child is None:
+            self._answers = answers = OneReaderQueue[Saw | str]()
+
+            def heard(word: Saw | Picture) -> None:
+                answers.put(word) if isinstance(word, Saw) else self._seen(word)
+
+            def over(reason: str) -> None:
+                answers.put(reason)
+                self._ended(reason)
+
+            self._child = Worker(ENTRY, answers=Saw | Picture, on_message=heard, on_end=over)
+            self._child.tell(self._scene())
+        return self._child
+
+    def _end(self) -> None:
+        if self._child is not None:
+            self._child.kill()
+        self._child = None

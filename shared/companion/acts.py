@@ -1,0 +1,46 @@
+"""All acts of the robot: the general ones and those of the tasks (companion.tasks, part `done`), with their rows.
+
+The union `AnyAct` and the contents of RC are made from them.
+"""
+
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING
+
+from companion.languages import rc
+from companion.languages.evidence import AnyClaim, Check, Claim, Otherwise, Sense
+from companion.languages.facts import Facts, Kind, fact
+from companion.rows import THERE, ActRow, held
+from companion.tasks import parts
+
+
+def _seen(look: rc.Look, done: rc.Done) -> Facts:
+    things = sorted(one.object for one in done.seen)
+    return (fact(Kind.SEEN, *things) if things else fact(Kind.SEEN_NOTHING),)
+
+
+_STANDS = Check(Claim.STANDS, "object", (Sense.EYES,), Otherwise.LOOK)
+_LOOKED = Check(Claim.LOOKED, "", (Sense.EYES,), Otherwise.SAID)
+GENERAL = (
+    ActRow(rc.MoveJoint, (THERE, held(""))),
+    ActRow(rc.MoveCartesian, (THERE, held("")), rest_s=5.0),
+    ActRow(rc.Grasp, (THERE, held("object", Otherwise.FAILED)), rest_s=12.0, handles=True),
+    ActRow(rc.Release, (THERE, _STANDS), rest_s=20.0, handles=True),
+    ActRow(rc.Look, (THERE, _LOOKED), rest_s=15.0, told=_seen),
+    ActRow(rc.Home, (THERE,)),
+)
+ACTS: dict[type[rc.Command], ActRow] = {
+    row.act: row for row in (*GENERAL, *(row for part in parts("done") for row in getattr(part, "ACTS", ())))
+}
+
+if TYPE_CHECKING:
+    AnyAct = rc.Command
+    Content = rc.Command | rc.Accepted | rc.Done | rc.NotDone
+else:
+    AnyAct = reduce(or_, ACTS)
+    Content = AnyAct | rc.Accepted | rc.Done | rc.NotDone
+
+
+def needed(act: type[rc.Command]) -> frozenset[AnyClaim]:
+    """Return the claims about things without which an act fails: a sense must have told of each."""
+    return frozenset(one.claim for one in ACTS[act].checks if one.otherwise is Otherwise.FAILED and one.claim.kept)

@@ -1,0 +1,135 @@
+"""Goal places of a thing: the furniture that a task names, or the place where the thing stood before it was taken.
+
+On top of furniture a thing comes down from above; into furniture that opens to the side it goes through the opening.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from companion.languages import wm
+from companion.languages.cmd import BACK
+from companion.languages.facts import Kind, fact
+from companion.languages.values import Shape
+from companion.planning.spots import Spot, clear, grid
+from companion.planning.state_facts import StateFacts
+from companion.planning.steps import Geometry
+from velma.kinematics.frames import transform
+from velma.kinematics.shapes import solid
+from velma.kinematics.tasks.grasping import LIFT_M
+from velma.kinematics.tasks.inserting import Opening
+from velma.kinematics.tasks.placing import Volume
+
+BESIDE_M = 0.02  # room beside a thing behind an opening, for a finger (estimate)
+BEHIND_OPENING = 12  # free places behind an opening that are tried (estimate)
+EDGE_M = 0.01  # from the foot of a thing to the edge of a shelf (estimate)
+NEXT_M = 0.08  # between two of them (estimate)
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """Furniture that a thing may be put on from above, all of it where none is named; there a single spot, if any."""
+
+    on: tuple[str, ...] = ()
+    spot: Spot | None = None
+
+
+@dataclass(frozen=True)
+class Inside:
+    """Free spots behind an opening, best first."""
+
+    opening: Opening
+    spots: tuple[Spot, ...]
+
+
+Place = Surfaces | Inside
+
+
+def places(geometry: Geometry, state: str, name: str, where: str) -> Iterator[Place]:
+    """Yield where a thing may go; `where`: an id or class of furniture, BACK, or "" for any surface."""
+    facts = geometry.facts
+    if not where:
+        yield Surfaces()
+        return
+    if where == BACK:
+        yield from _before(geometry, facts, state, name)
+        return
+    known = facts.places(state, where)
+    if on := tuple(one for one in known if not facts.container(state, one)):
+        yield Surfaces(on)
+    for around in known:
+        if facts.container(state, around):
+            yield from _inside(geometry, state, name, around, _grid(geometry, state, name, around))
+
+
+def _before(geometry: Geometry, facts: StateFacts, state: str, name: str) -> Iterator[Place]:
+    """Yield the place where the thing stood before it was taken."""
+    origin = facts.origin(state, name)
+    if not origin.on:
+        geometry.failed(fact(Kind.FIRST_PLACE_UNKNOWN, name))
+        return
+    base = np.add(origin.pose.xyz, (0.0, 0.0, geometry.model(state, name).base_z))
+    spot = Spot(origin.on, base)
+    if facts.container(state, origin.on) and base[2] < _edges(geometry, state, origin.on)[1]:
+        yield from _inside(geometry, state, name, origin.on, [spot])
+    else:
+        yield Surfaces((origin.on,), spot)
+
+
+def _inside(geometry: Geometry, state: str, name: str, around: str, spots: list[Spot]) -> Iterator[Place]:
+    """Yield the free ones of these spots."""
+    room = _room(geometry.model(state, name))
+    free: list[Spot] = []
+    for spot in spots:
+        if len(free) < BEHIND_OPENING and not spot.near(free, NEXT_M) and clear(geometry, state, spot, name, room):
+            free.append(spot)
+    if free:
+        yield Inside(opening(geometry, state, name, around), tuple(free))
+    else:
+        geometry.failed(fact(Kind.NO_ROOM, name, around))
+
+
+def _grid(geometry: Geometry, state: str, name: str, around: str) -> list[Spot]:
+    """Return spots on the shelves below the top of the opening, those near the middle of a shelf first."""
+    shelves = geometry.ask(wm.FlatSurfaces(state=state, object=around), wm.Surfaces).surfaces
+    middle, top = _edges(geometry, state, around)
+    foot = geometry.model(state, name).base_radius
+    found = [
+        (float(np.linalg.norm(at - shelf.at.xyz)) + abs(shelf.at.xyz[2] - middle), number, Spot(around, at))
+        for number, shelf in enumerate(shelves)
+        if shelf.at.xyz[2] < top
+        for at in grid(shelf, foot, EDGE_M)
+    ]
+    return [spot for _, _, spot in sorted(found, key=lambda one: one[:2])]
+
+
+def opening(geometry: Geometry, state: str, name: str, around: str) -> Opening:
+    """Return the opening of furniture, and how far a thing has to come out of it."""
+    out = geometry.outwards(state, around)
+    grasps = geometry.ask(wm.GraspSet(state=state, object=name), wm.Grasps).grasps
+    return Opening(around, out, grasps[0].out)
+
+
+def _edges(geometry: Geometry, state: str, around: str) -> tuple[float, float]:
+    """Return the heights of middle and upper edge of an opening [m]."""
+    hole = geometry.ask(wm.ObjectHole(state=state, object=around), wm.Hole)
+    middle = float(geometry.pose(state, around).act(np.array(hole.centre))[2])
+    return middle, middle + hole.radius
+
+
+def _room(model: wm.ModelOf) -> Volume:
+    """Return the room that a thing needs behind an opening, from its base up."""
+    points = np.concatenate([_corners(shape) for shape in model.shapes])
+    radius, top = float(np.abs(points[:, :2]).max()), float(points[:, 2].max())
+    return Volume(radius + BESIDE_M, top - model.base_z + LIFT_M)
+
+
+def _corners(shape: Shape) -> np.ndarray:
+    """Return the corners (8, 3) of the box around a shape, in the frame of its thing."""
+    around = solid(shape)
+    around.computeLocalAABB()
+    low, high = around.aabb_local.min_, around.aabb_local.max_
+    at = transform(shape.at)
+    return np.array([at.act(np.array(corner)) for corner in product(*zip(low, high, strict=True))])

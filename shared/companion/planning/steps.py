@@ -1,0 +1,171 @@
+"""Steps of primitive tasks: robot commands, the changes they make, and their expected duration.
+
+A step asks km for what it needs in its first state, computes the geometry, and returns a Step; None if no geometry was
+found, with the reason added to `why`. Speeds and distances: task runs with the true robot model.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from companion.languages import hfsm, rc, wm
+from companion.languages.facts import Facts
+from companion.languages.values import Pose, Side
+from companion.planning.methods import Known
+from companion.planning.situation import Situation, on_wire, situation
+from velma import names
+from velma.kinematics import ik, motion
+from velma.kinematics.frames import tilt, transform
+from velma.kinematics.motion import Keep, Motion
+from velma.kinematics.robot import Robot
+from velma.kinematics.tasks.carrying import upright
+from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED
+from velma.kinematics.timing import timed
+
+TRIED, ENOUGH = 8, 3  # estimate: more goals make motions hardly quicker, but planning slower
+# Iterations of a tree: most paths need some hundreds (benchmarks/kinematics.py), so all goals are tried with few before
+# any with many; trees for each goal.
+QUICK, EFFORTS, ATTEMPTS = (500,), (500, 4000), 2
+TAKEN_LYING = math.radians(61.0)  # so far tilted in a hand, a thing was taken as it lay: none is carried so (putting)
+CLOSE_S, OPEN_S = 4.0, 2.5  # [s] a hand takes to close by touch and to open; only for the expected duration
+
+Path = list[np.ndarray]
+"""Postures (15,) [rad], one after the other."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one primitive task does, its commands (without keys yet), changes to the state, expected duration [s].
+
+    `instead`: commands in place of all that follows where the last command fails; then the plan has failed, and `why`.
+    """
+
+    step: hfsm.Step
+    commands: tuple[rc.Command, ...]
+    changes: tuple[wm.AnyChange, ...]
+    duration: float
+    instead: tuple[rc.Command, ...] = ()
+    why: Facts = ()
+
+
+@dataclass
+class Geometry(Known):
+    """The common part of all steps: queries to km, the robot, the seed, and why the last attempts failed.
+
+    As far as they were looked for: `reachable`, whether a thing can be taken in a state with a hand; `homes`, the step
+    that brings a hand home in a state, None where there is none; `pouring`, the hand that is likely to pour from
+    a thing into another one at this pose.
+    """
+
+    robot: Robot
+    seed: int
+    reachable: dict[tuple[str, str, Side], bool] = field(default_factory=dict)
+    homes: dict[tuple[str, Side], Step | None] = field(default_factory=dict)
+    pouring: dict[tuple[str, str, Pose], Side] = field(default_factory=dict)
+
+    def rng(self, *words: str) -> np.random.Generator:
+        """Return random numbers that depend on seed and attempt, not on the order of attempts."""
+        return np.random.default_rng([self.seed, *(int.from_bytes(w.encode()[:24], "little") % 2**63 for w in words)])
+
+    def at(self, state: str) -> Situation:
+        """Return the situation in a state at km."""
+        return situation(self.ask, self.robot, state)
+
+    def pose(self, state: str, name: str) -> pin.SE3:
+        """Return the pose of the thing (T_world_object) in that state."""
+        return transform(self.ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose)
+
+    def model(self, state: str, name: str) -> wm.ModelOf:
+        """Return shapes, mass and base of the thing."""
+        return self.ask(wm.ObjectModel(state=state, object=name), wm.ModelOf)
+
+    def outwards(self, state: str, name: str) -> np.ndarray:
+        """Return the horizontal unit direction (3,) out of the opening of the thing."""
+        hole = self.ask(wm.ObjectHole(state=state, object=name), wm.Hole)
+        return horizontal(self.pose(state, name).rotation @ np.array(hole.axis))
+
+    def free_motion(
+        self,
+        here: Situation,
+        side: Side,
+        goals: Sequence[np.ndarray],
+        *,
+        largest_tilt: float | None = None,
+        tried: int = TRIED,
+        efforts: Sequence[int] = EFFORTS,
+    ) -> tuple[int, Motion] | None:
+        """Return index of a goal (15,) and the motion to it: the quickest of the first few among the `tried` nearest.
+
+        None if none of them can be reached with the last of the `efforts` (iterations of a tree).
+        Torso and the arm of `side` move; what it holds stays within `largest_tilt` [rad] of the vertical.
+        """
+        if not goals:
+            return None
+        keep = self._upright(here, side, largest_tilt)
+        least = ik.travel(self.robot, side, here.q, np.array(goals))
+        nearest = [int(k) for k in np.argsort(least, kind="stable")[:tried]]
+        for effort in efforts:
+            found = self._ways(here, side, [(k, float(least[k]), goals[k]) for k in nearest], keep, effort)
+            if found:
+                return min(found, key=lambda one: one[1].duration)
+        return None
+
+    def _ways(
+        self, here: Situation, side: Side, goals: list[tuple[int, float, np.ndarray]], keep: Keep | None, effort: int
+    ) -> list[tuple[int, Motion]]:
+        """Return index of the goal and motion, some; `goals`: index, least time [s], posture, nearest first."""
+        speed = free_speed(here)
+        found: list[tuple[int, Motion]] = []
+        for index, least, goal in goals:
+            if len(found) == ENOUGH or any(least > way.duration for _, way in found):
+                break
+            way = motion.plan(
+                self.robot, here.world, side, here.q, goal,
+                keep=keep, seed=self.seed, tool_speed=speed, iterations=effort, attempts=ATTEMPTS,
+            )  # fmt: skip
+            if way is not None:
+                found.append((index, way))
+        return found
+
+    def _upright(self, here: Situation, side: Side, largest_tilt: float | None) -> Keep | None:
+        """Return the condition that a held object stays upright; None for an empty hand, or one taken as it lay."""
+        if largest_tilt is None or side not in here.held:
+            return None
+        T_grip_object = here.held[side].T_grip_object
+        if tilt(self.robot.grip(here.q, side) * T_grip_object) > TAKEN_LYING:
+            return None
+        return upright(self.robot, side, T_grip_object, largest_tilt)
+
+    def duration(self, path: Path, speed: float) -> float:
+        """Return the time [s] of a joint path at a tool speed [m/s]."""
+        return timed(self.robot, path, tool_speed=speed).duration if len(path) > 1 else 0.0
+
+
+def horizontal(direction: np.ndarray) -> np.ndarray:
+    """Return the horizontal unit vector (3,) in a direction (3,)."""
+    level = np.array([direction[0], direction[1], 0.0])
+    return np.asarray(level / np.linalg.norm(level))
+
+
+def free_speed(here: Situation) -> float:
+    """Return the tool speed [m/s] of free motions: slower with an object in a hand."""
+    return LOADED_SPEED if here.held else EMPTY_SPEED
+
+
+def move(side: Side, way: Motion, speed: float, fingers: float | None = None) -> rc.MoveJoint:
+    """Return the command of a free motion."""
+    points = tuple(tuple(float(x) for x in q[names.COLUMNS[side]]) for q in way.path)
+    return rc.MoveJoint(key="", side=side, path=points, speed=speed, fingers=fingers)
+
+
+def hand_steps(grasp: wm.GraspDef) -> list[tuple[pin.SE3, float]]:
+    """Return T_object_grip and finger angle [rad] of each step of a grasp, outermost first."""
+    return [(transform(step.pose).inverse(), step.fingers) for step in grasp.steps]
+
+
+def approach_points(steps: Iterable[tuple[pin.SE3, float]]) -> tuple[rc.ApproachPoint, ...]:
+    """Return grip poses with finger angles [rad], as RC has them."""
+    return tuple(rc.ApproachPoint(on_wire(pose), fingers) for pose, fingers in steps)

@@ -1,0 +1,81 @@
+"""Motions of the loop made of joint paths: timed, with goals for head and hands."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from companion.skills.head_turning import LOOK_SPEED, turning
+from companion.skills.loop_messages import HandCommand, HeadGoal, Motion, Move, Payload, motion
+from companion.skills.situation import Situation
+from velma import names
+from velma.kinematics.timing import timed
+
+# lookAt of Velma: tilt = -atan2(z - 1.75, r), pan = atan2(y, x) - torso (velma_system@19132ed); the camera itself looks
+# 5 degrees below the horizon at zero tilt.
+EYE_HEIGHT_M, CAMERA_DIP = 1.75, math.radians(5.0)
+CONTENT_KG = 0.12  # that may be in a vessel: 60 grains of 2 g, the most of a scene (velma.model.scene)
+Point = Sequence[float] | np.ndarray  # (3,) [m, world]
+
+
+def aim(torso: float, point: Point) -> HeadGoal:
+    """Return the head goal that centres a point (3,) [m, world] in the picture, within the limits of the head."""
+    x, y, z = (float(v) for v in point)
+    pan = math.remainder(math.atan2(y, x) - torso, math.tau)
+    tilt = -math.atan2(z - EYE_HEIGHT_M, math.hypot(x, y)) - CAMERA_DIP
+    low, high = names.HEAD_LOWER, names.HEAD_UPPER
+    return HeadGoal(
+        float(np.clip(pan, low[0] + 0.01, high[0] - 0.01)), float(np.clip(tilt, low[1] + 0.01, high[1])), LOOK_SPEED
+    )
+
+
+def along(
+    here: Situation,
+    key: str,
+    path: Sequence[np.ndarray],
+    speed: float,
+    *,
+    watch: Point | None = None,
+    **options: Any,
+) -> Motion:
+    """Return the motion along a joint path, (15,) each, tool at most at `speed` [m/s], head at last on `watch`."""
+    whole = [here.q, *path]
+    different = [whole[0], *(b for a, b in pairwise(whole) if not np.abs(b - a).max() <= 1e-6)]  # NaN is no rest
+    if len(different) == 1:
+        return still(here, key, watch=watch, **options)
+    knots = timed(here.robot, different, tool_speed=speed).q
+    head = None if watch is None else aim(float(knots[-1][names.TORSO]), watch)
+    return motion(key, knots, head=turning(here, list(knots), head), **options)
+
+
+def still(here: Situation, key: str, *, watch: Point | None = None, **options: Any) -> Motion:
+    """Return a motion that holds the set-point while head or hands move."""
+    head = None if watch is None else turning(here, [here.q], aim(float(here.q[names.TORSO]), watch))
+    return motion(key, here.q, head=head, **options)
+
+
+def turned(here: Situation, q: np.ndarray, point: Point) -> HeadGoal | None:
+    """Return the head goal that centres a point [m, world] at q (15,); None: an arm is too near the head."""
+    goal = aim(float(q[names.TORSO]), point)
+    return goal if turning(here, [q], goal) == goal else None
+
+
+def fingers(angle: float, speed: float = 1.0) -> Move:
+    """Return the command that moves all three fingers to one angle [rad]."""
+    return Move((angle, angle, angle), speed)
+
+
+def hand(side: str, command: HandCommand) -> dict[str, Any]:
+    """Return the option of a motion that commands one hand."""
+    return {str(side): command}
+
+
+def payload(side: str, mass: float = 0.0, T_grip_object: pin.SE3 | None = None) -> dict[str, Any]:
+    """Return the option of a motion for a hand that carries `mass` [kg] at the object's origin; no pose: empty."""
+    if T_grip_object is None:
+        return {f"payload_{side}": Payload()}
+    x, y, z = (float(v) for v in T_grip_object.translation)
+    return {f"payload_{side}": Payload(mass, (x, y, z), CONTENT_KG)}

@@ -1,0 +1,115 @@
+"""Faulty sensors, and the acts that are not begun because of them.
+
+Acts that have to be checked are checked by the camera or by the wrist of the hand: one of them suffices. An arm does
+not move by poses or joints that are off by more than its paths allow. An act without an arm is begun with any camera: a
+look shows whether that is well again.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from companion.languages import rc
+from companion.languages.facts import Facts, Kind, fact
+from companion.languages.values import Side
+from companion.skills.loop_messages import GripReport
+from companion.skills.situation import Situation
+from companion.skills.skill import Sensed, SkillRow, failed
+from velma.control.grip import Grip
+from velma.eyes.health import MOST_OFF
+
+WRIST = {Side.RIGHT: rc.Sensor.RIGHT_WRIST, Side.LEFT: rc.Sensor.LEFT_WRIST}
+ARM = {Side.RIGHT: rc.Sensor.RIGHT_ARM, Side.LEFT: rc.Sensor.LEFT_ARM}
+BLIND_LOOKS = 3  # one after the other; estimate: of pictures up to 40 % too dark or bright some show no marker
+MOST_BESIDE_M = 0.015  # that a hand may be beside where its joints say: a stream that misses by more falls beside
+_SLIPS = (Grip.WARNED, Grip.SLIPPED, Grip.LOST)
+
+
+def take(here: Situation, sensed: Sensed) -> None:
+    """Note what a motion shows of the sensors; call it before its sights are taken."""
+    here.numb = {side for side in Side if not _feels(sensed, side)}
+    for side, held in here.held.items():
+        felt = sensed.grips.get(side, GripReport())
+        held.slipped = held.slipped or felt.felt in _SLIPS
+        if felt.felt == Grip.UNSURE and felt.mass < held.mass / 2.0:  # its support carries it, and turns it in the hand
+            held.steady = None
+    if sensed.sights:
+        here.blind = 0
+    elif not sensed.wrong and not sensed.off and here.must_show():
+        here.blind += 1
+
+
+def told(here: Situation, sensed: Sensed) -> tuple[rc.Ill, ...]:
+    """Return the faulty sensors; call it after the sights of the motion were taken."""
+    return tuple(_told(here, sensed))
+
+
+def _told(here: Situation, sensed: Sensed) -> Iterator[rc.Ill]:
+    for side, grip in sensed.grips.items():
+        if grip.wrong:
+            yield rc.Ill(WRIST[Side(side)], rc.Fault(grip.wrong))
+    if sensed.wrong:
+        yield rc.Ill(rc.Sensor.CAMERA, rc.Fault(sensed.wrong))
+    elif here.blind >= BLIND_LOOKS:
+        yield rc.Ill(rc.Sensor.CAMERA, rc.Fault.BLIND)
+    if sensed.off:
+        yield rc.Ill(rc.Sensor.NECK, rc.Fault.OFF, _short(sensed.off))
+    for side, held in here.held.items():
+        if angle := held.turned()[0]:
+            yield rc.Ill(ARM[Side(side)], rc.Fault.OFF, _short(angle))
+
+
+def refused(here: Situation, command: rc.Command, row: SkillRow) -> Facts:
+    """Return why an act is not begun with these senses; () where it is."""
+    side = getattr(command, "side", None)
+    return () if side is None else _doubts(here, side, row.by_joints, row.checked)
+
+
+def require(here: Situation, side: Side) -> None:
+    """Raise failed if an act of this hand cannot go on, or not be checked, with the senses as they are now."""
+    if why := _doubts(here, side, by_joints=True, checked=True):
+        raise failed(*why)
+
+
+def require_sight(here: Situation) -> None:
+    """Raise failed if what the eyes show now is nothing, or not true."""
+    if _ill(here, rc.Sensor.CAMERA) or _off(here):
+        raise failed(fact(Kind.NOTHING_IS_SEEN))
+
+
+def _doubts(here: Situation, side: Side, by_joints: bool, checked: bool) -> Facts:
+    if _off(here):
+        why = fact(Kind.BODY_OFF, MOST_OFF)
+    elif by_joints and _beside(here, side):
+        why = fact(Kind.ARM_OFF, side, MOST_BESIDE_M)
+    elif checked and _unchecked(here, side):
+        why = fact(Kind.UNCHECKABLE, side)
+    else:
+        return ()
+    return (fact(Kind.NOT_BEGUN, why),)
+
+
+def _ill(here: Situation, sense: rc.Sensor) -> bool:
+    return any(one.sense == sense for one in here.ill)
+
+
+def _unchecked(here: Situation, side: Side) -> bool:
+    return _ill(here, rc.Sensor.CAMERA) and (side in here.numb or _ill(here, WRIST[side]))
+
+
+def _off(here: Situation) -> bool:
+    return any(one.sense == rc.Sensor.NECK and one.off > MOST_OFF for one in here.ill)
+
+
+def _beside(here: Situation, side: Side) -> bool:
+    """Whether the hand is elsewhere; where a slip was felt, that tells why its thing is."""
+    return side in here.held and not here.held[side].slipped and here.held[side].turned()[1] > MOST_BESIDE_M
+
+
+def _feels(sensed: Sensed, side: Side) -> bool:
+    """Whether the hand has a sensor: one that has weighs never exactly nothing."""
+    return side in sensed.grips and sensed.grips[side].mass != 0.0
+
+
+def _short(angle: float) -> float:
+    return float(np.round(angle, 4))

@@ -1,0 +1,21 @@
+"""The robot's tasks, one folder each, with the parts that a task needs.
+
+`command`: what a person may ask. `plan`: methods and steps, for pl alone. `perform`: its skill, for ex alone. `done`:
+its act, and what must be true after it. `shown`: how people see it. A part is imported when it is asked for, so that an
+agent needs the libraries of its own parts only. A task imports no other task; it refers to one by name.
+"""
+
+import pkgutil
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from types import ModuleType
+
+NAMES = tuple(sorted(one.name for one in pkgutil.iter_modules(__path__) if one.ispkg))
+
+
+@cache
+def parts(part: str) -> tuple[ModuleType, ...]:
+    """Return this part of each task that has it, in the order of the tasks' names."""
+    names = (f"{__name__}.{task}.{part}" for task in NAMES)
+    return tuple(import_module(name) for name in names if find_spec(name))

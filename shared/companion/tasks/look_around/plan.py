@@ -1,0 +1,25 @@
+"""Planning to look around."""
+
+from companion.languages import hfsm
+from companion.look_around import POINTS
+from companion.planning.looking import look_at
+from companion.planning.methods import Known, Subtasks
+from companion.planning.registry import Plan
+from companion.planning.steps import Geometry, Step
+
+
+def look_around(known: Known, km: str) -> Subtasks | None:
+    """Look around; always applicable."""
+    return [("a_look_around",)]
+
+
+def points_around(geometry: Geometry, state: str) -> Step:
+    """Return the step that looks at points all around the front. It needs no fact."""
+    return look_at(hfsm.Step("look-around"), POINTS)
+
+
+PLAN = Plan(
+    tasks={"look_around": ()},
+    methods={"look_around": (look_around,)},
+    actions={"a_look_around": points_around},
+)

@@ -1,0 +1,139 @@
+"""Planning to put a thing down: on any free place, at a place that is named, or back where it stood.
+
+On top of furniture it comes down from above. Into furniture that opens to the side it goes through the opening, which
+not every grasp allows: so the grasp is chosen with the place.
+"""
+
+from companion.languages.facts import Kind, fact
+from companion.languages.values import Side
+from companion.planning.grasping import preferred, reachable, take, ways
+from companion.planning.inserting import BEST, inserted
+from companion.planning.methods import Known, Subtasks, away
+from companion.planning.places import Inside, Surfaces, places
+from companion.planning.placing import place
+from companion.planning.registry import Argument, Plan, each_hand, each_try
+from companion.planning.steps import Geometry, Step
+
+# --- anywhere ---------------------------------------------------------------------------------------------------------
+
+
+def put_down(known: Known, km: str, name: str) -> Subtasks | None:
+    """Put it down and look at it; where it stands already, as after a way that was blocked, bring the hand home."""
+    if known.facts.holder(km, name):
+        return [("set_down", name), ("a_look", name)]
+    if known.facts.support(km, name) and away(known, km) and not known.facts.fallen(km, name):
+        return _home_and_look(known, km, name)
+    known.failed(fact(Kind.NO_HAND_HOLDS, name))
+    return None
+
+
+def put_down_lying_with(known: Known, km: str, hand: Side, name: str) -> Subtasks | None:
+    """Take a thing with this hand that fell over, and put it down upright."""
+    if known.facts.holder(km, name) or not known.facts.fallen(km, name):
+        return known.unfit(fact(Kind.DID_NOT_FALL, name))
+    if held := known.facts.in_hand(km, hand):
+        return known.unfit(fact(Kind.HOLDS, hand, held))
+    return [("a_take", name, hand), ("set_down", name), ("a_look", name)]
+
+
+def stands(known: Known, km: str, name: str) -> Subtasks | None:
+    """Only look at it where a hand left it, though the act of that hand had failed."""
+    if holder := known.facts.holder(km, name):
+        return known.unfit(fact(Kind.HOLDS, holder, name))
+    if not known.facts.support(km, name):
+        return known.unfit(fact(Kind.NO_HAND_HOLDS, name))
+    how = known.facts.fallen(km, name)
+    return known.unfit(how) if how else _home_and_look(known, km, name)
+
+
+def set_down(known: Known, km: str, name: str) -> Subtasks | None:
+    """Put it down, and bring the hand home; whoever needs it there looks at it."""
+    side = known.facts.holder(km, name)
+    return [("a_place", side), ("a_home", side)] if side else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
+
+
+def _home_and_look(known: Known, km: str, name: str) -> Subtasks:
+    return [*(("a_home", side) for side in away(known, km)), ("a_look", name)]
+
+
+# --- at a place -------------------------------------------------------------------------------------------------------
+
+
+def put_at_nothing(known: Known, km: str, name: str, where: str) -> Subtasks | None:
+    """Only look at it where it stands there already, with empty hands at home: one may have left it leaning."""
+    if holder := known.facts.holder(km, name):
+        return known.unfit(fact(Kind.HOLDS, holder, name))
+    if known.facts.at(km, name, where):
+        how = known.facts.fallen(km, name)
+        return known.unfit(how) if how else _home_and_look(known, km, name)
+    return known.unfit(fact(Kind.STANDS_ELSEWHERE, name))
+
+
+def put_at_held(known: Known, km: str, name: str, where: str) -> Subtasks | None:
+    """Put it there with the hand that holds it, bring that one home, and look at it."""
+    side = known.facts.holder(km, name)
+    after = (("a_home", side), ("a_look", name))
+    return [("a_place", side, where), *after] if side else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
+
+
+def put_at_with(known: Known, km: str, hand: Side, name: str, where: str) -> Subtasks | None:
+    """Take it with this hand, if it is empty, and put it there."""
+    if holder := known.facts.holder(km, name):
+        return known.unfit(fact(Kind.HOLDS, holder, name))
+    if held := known.facts.in_hand(km, hand):
+        known.failed(fact(Kind.HOLDS, hand, held))
+        return None
+    return [("set_at", name, hand, where)]
+
+
+def set_at_try(known: Known, km: str, number: str, name: str, hand: Side, where: str) -> Subtasks | None:
+    """Take it by some grasp, from which it can be put there: not every one leaves a way."""
+    return [("a_take_to", name, hand, number, where), ("a_place", hand, where), ("a_home", hand), ("a_look", name)]
+
+
+# --- the step that takes it for a place -------------------------------------------------------------------------------
+
+
+def take_to(geometry: Geometry, state: str, name: str, side: Side, number: str, where: str) -> Step | None:
+    """Return the step that takes an object by a grasp by which it can be put there (see take and places)."""
+    if not reachable(geometry, state, name, side):
+        return None
+    for target in places(geometry, state, name, where):
+        only = _grasps(geometry, state, name, side, number, target)
+        step = take(geometry, state, name, side, number, only=only) if only is None or only else None
+        if step is not None:
+            return step
+    return None
+
+
+def _grasps(
+    geometry: Geometry, state: str, name: str, side: Side, number: str, target: Inside | Surfaces
+) -> frozenset[str] | None:
+    """Return the grasps with which a thing can be put behind an opening; None for any, where it comes from above."""
+    if isinstance(target, Surfaces):
+        return None
+    known = ways(preferred(geometry, state, name))
+    found = inserted(geometry, geometry.at(state), side, name, target, known, number)
+    if not found:
+        geometry.failed(fact(Kind.NO_PLACE_REACHED_IN, side, name, target.opening.name))
+    return frozenset(grasp for grasp, _ in found[:BEST])
+
+
+PLAN = Plan(
+    tasks={"put_down": (Argument.THING,), "stand": (Argument.THING,), "put_at": (Argument.THING, Argument.PLACE)},
+    methods={
+        "put_down": (put_down, each_hand(put_down_lying_with), "after_arms_home"),
+        "stand": (put_down, stands, each_hand(put_down_lying_with), "after_arms_home"),
+        "set_down": (set_down,),
+        "put_at": (
+            "after_opening",
+            put_at_nothing,
+            put_at_held,
+            each_hand(put_at_with),
+            "after_clearing",
+            "after_arms_home",
+        ),
+        "set_at": (each_try(set_at_try),),
+    },
+    actions={"a_take_to": take_to, "a_place": place},
+)

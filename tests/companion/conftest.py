@@ -1,0 +1,65 @@
+"""Robots in the states that tests of skills begin with, each made once and copied; `robot` is importable.
+
+It is imported by the first test that needs it: no other test here needs the simulator.
+"""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from companion.languages.values import Side
+
+sys.path.insert(0, str(Path(__file__).parent / "skills"))
+if TYPE_CHECKING:
+    from robot import Acting
+
+
+@pytest.fixture(scope="session")
+def _knowing() -> "Acting":
+    from robot import Acting
+
+    acting = Acting()
+    acting.done(acting.look())
+    return acting
+
+
+@pytest.fixture(scope="session")
+def _before_the_jar(_knowing: "Acting") -> "Acting":
+    acting = _knowing.copied()
+    acting.plan_to_take("jar_1", Side.LEFT)
+    acting.done(acting.taking[0])
+    return acting
+
+
+@pytest.fixture(scope="session")
+def _holding(_before_the_jar: "Acting") -> "Acting":
+    acting = _before_the_jar.copied()
+    acting.done(acting.taking[1])
+    return acting
+
+
+@pytest.fixture(scope="session")
+def _jar_out(_holding: "Acting") -> "Acting":
+    acting = _holding.copied()
+    acting.done(acting.taking[2])
+    return acting
+
+
+@pytest.fixture
+def before_the_jar(_before_the_jar: "Acting") -> "Acting":
+    """The left hand is in front of the jar; `taking[1]` grasps it, `taking[2]` pulls it out."""
+    return _before_the_jar.copied()
+
+
+@pytest.fixture
+def holding(_holding: "Acting") -> "Acting":
+    """The left hand has closed on the jar, which stands on its shelf."""
+    return _holding.copied()
+
+
+@pytest.fixture
+def jar_out(_jar_out: "Acting") -> "Acting":
+    """The left hand holds the jar in front of the cabinet."""
+    return _jar_out.copied()

@@ -1,0 +1,116 @@
+"""Doors are opened for what stands behind them, and for what may."""
+
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from companion.languages import hfsm, rc
+from companion.languages.facts import Kind, fact
+from companion.planning.asking import Asking
+from companion.tasks.open_door import plan as leaves
+from companion.tasks.open_door.done import OpenDoor
+from velma.kinematics.frames import transform
+from velma.kinematics.tasks import opening
+from velma.model import scene as model
+
+pytestmark = pytest.mark.timeout(240)
+WIDE = 1.45  # as far as the hand leaves them
+DOORS = {"door_1", "door_2"}
+SEEN_WITHIN = 0.01  # [rad] of the noise of two yaws
+
+
+def acts(plan: hfsm.HierarchicalPlan) -> list[rc.Command]:
+    """Return the acts of a plan, in this order."""
+    return [leaf.command for state in plan.root.states for leaf in getattr(state, "states", ())]
+
+
+def opened(plan: hfsm.HierarchicalPlan) -> list[str]:
+    """Return the doors that a plan opens, in this order."""
+    return [act.door for act in acts(plan) if isinstance(act, OpenDoor)]
+
+
+@settings(max_examples=8, deadline=None)
+@given(angles=st.tuples(st.floats(0.0, 1.5), st.floats(0.0, 1.5)))
+def test_doors_that_are_not_open_enough_are_closed(km, doors, angles: tuple[float, float]) -> None:
+    """By the poses that were seen; each hangs at the cabinet in whose opening it is."""
+    asking = Asking(km(doors(*angles)).ask, "p")
+    found = dict(leaves.closed(asking, ""))
+    assert set(found.values()) <= {"cabinet_2"}
+    for door, angle in zip(sorted(DOORS), angles, strict=True):
+        if abs(angle - leaves.ENOUGH) > SEEN_WITHIN:
+            assert (door in found) is (angle < leaves.ENOUGH)
+        assert leaves.opened(asking, "", door, "cabinet_2") == pytest.approx(angle, abs=SEEN_WITHIN)
+
+
+@pytest.mark.parametrize("task", [("pour", "jar", "bowl"), ("take", "jar", "")])
+def test_a_door_is_opened_to_look_for_a_thing(task, km, named, doors) -> None:
+    """One, then the robot looks around and plans again, whether it sees the thing or not."""
+    plan = km(doors(0.0, 0.0)).plan(*task)
+    steps = named(plan)
+    assert len(opened(plan)) == 1
+    assert steps[0] == f"open {opened(plan)[0]}"
+    assert steps[2:] == ["look around", "localize jar", "replan"]
+    asked = plan.root.states[-2]
+    assert isinstance(asked, hfsm.AskState)
+    assert asked.otherwise is hfsm.Outcome.REPLAN
+
+
+@pytest.mark.parametrize(
+    ("angles", "closed"), [((0.0, WIDE), "door_1"), ((WIDE, 0.0), "door_2"), ((WIDE, 0.5), "door_2")]
+)
+def test_the_other_door_is_opened_for_a_thing_that_was_seen(angles, closed: str, km, named, doors) -> None:
+    """Before anything is taken; where the leaf is then is looked at."""
+    plan = km(doors(*angles)).plan("take", "jar", "")
+    assert opened(plan) == [closed]
+    assert named(plan)[2:] == ["look at jar_1", "localize jar_1", "replan"]
+
+
+@pytest.mark.parametrize("angles", [(0.0, WIDE), (WIDE, 0.0)])
+def test_the_hand_turns_no_farther_than_the_leaf(angles, km, doors) -> None:
+    """It slides about the upright bar against the turn, or not at all, from one way to hold it to another."""
+    world = km(doors(*angles))
+    (act,) = [one for one in acts(world.plan("take", "jar", "")) if isinstance(one, OpenDoor)]
+    assert act.end is not None
+    begin, end = transform(act.approach[-1].at), transform(act.end)
+    x, y, z = pin.log3(end.rotation @ begin.rotation.T)
+    assert (x, y) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert z * act.turn <= 1e-9
+    known = leaves.grasps(Asking(world.ask, "q"), "", act.door)
+    hands = [transform(grasp.steps[-1].pose).inverse() for grasp in known]
+    assert any(hand.isApprox(end, 1e-6) for hand in hands)
+
+
+def test_a_turn_whose_end_no_arm_reaches_is_not_tried(km, surveyed_scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the cabinet 0.4 m to the left the near door ends beside the robot: the other one is opened."""
+    whole = model.load(model.CANONICAL.with_stem("doors"))
+    beside = (
+        replace(one, xyz=model.NOWHERE) if one.of else replace(one, xyz=(one.xyz[0], one.xyz[1] + 0.4, one.xyz[2]))
+        for one in whole.things
+    )
+    tried, arc = [], opening.arc
+    monkeypatch.setattr(opening, "arc", lambda *words: tried.append(words[4]) or arc(*words))
+    plan = km(surveyed_scene(model.hung(replace(whole, things=tuple(beside))))).plan("take", "jar", "")
+    assert opened(plan) == ["door_2"]
+    assert set(tried) == {"door_2"}
+
+
+def test_open_doors_are_left_as_they_are(km, named, doors) -> None:
+    """The jar is taken from between them."""
+    plan = km(doors(WIDE, WIDE)).plan("take", "jar", "")
+    assert opened(plan) == []
+    assert named(plan)[0] == "take jar_1"
+
+
+def test_a_door_is_not_taken(km, doors) -> None:
+    """Nor put elsewhere; the robot says why."""
+    plan = km(doors(WIDE, WIDE)).plan("take", "door", "")
+    assert isinstance(plan, hfsm.NoPlan)
+    doors_there = [fact(Kind.PERSON_NEEDED, fact(Kind.HANGS_ON_A_HINGE, name)) for name in ("door_1", "door_2")]
+    assert plan.why[0] in doors_there
+
+
+def test_where_no_door_is_closed_a_thing_is_looked_for(km, named, doors) -> None:
+    """As ever: the head turns to all sides."""
+    assert named(km(doors(WIDE, WIDE)).plan("take", "lid", ""))[0] == "look for lid"

@@ -1,0 +1,48 @@
+"""What the tasks declare fits together: each name once, each name that is used declared."""
+
+import re
+from inspect import getsource
+
+import pytest
+
+from companion.planning import engine
+from companion.planning.registry import Each, rows, tasks, things
+from companion.tasks import parts
+
+NAMED = re.compile(r'\(\s*"([a-z_]+)"')
+OWN = {"a_replan", "a_tell", "a_some_done", "a_end"}
+
+
+def test_each_task_that_can_be_asked_for_has_methods() -> None:
+    """And no check is declared for another one."""
+    assert set(tasks()) <= set(engine.METHODS)
+    assert {name for row in rows() for name in row.refused} <= set(tasks())
+
+
+def test_each_name_of_a_row_is_declared() -> None:
+    """A method around tasks is named in the rows of those tasks."""
+    used = {one for methods in engine.METHODS.values() for one in methods if isinstance(one, str)}
+    assert used == set(engine.AROUND)
+
+
+@pytest.mark.parametrize("module", parts("plan"), ids=lambda module: module.__name__.split(".")[-2])
+def test_each_subtask_is_declared(module) -> None:
+    """Those that a method names: tasks, subtasks and actions, its own and those of other tasks."""
+    declared = [one for methods in module.PLAN.methods.values() for one in methods if not isinstance(one, str)]
+    methods = [one.method if isinstance(one, Each) else one for one in (*declared, *module.PLAN.around.values())]
+    named = {name for method in methods for name in NAMED.findall(getsource(method))}
+    assert methods
+    assert named <= {*engine.METHODS, *engine.ACTIONS, *engine.CONDITIONS, *OWN}
+
+
+def test_a_name_that_two_tasks_declare_is_refused() -> None:
+    """With the name: GTPyhop would try the methods of both."""
+    with pytest.raises(ValueError, match=r"declared by two tasks: set_down"):
+        engine.merged([{"set_down": 1, "take": 2}, {"set_down": 3}])
+
+
+def test_the_things_of_a_task_are_its_arguments_of_that_kind() -> None:
+    """Neither hand nor place."""
+    assert things("pour", ("jar_1", "bowl_1")) == ("jar_1", "bowl_1")
+    assert things("put_at", ("jar_1", "table")) == ("jar_1",)
+    assert things("clear_table", ()) == ()
