@@ -15,6 +15,7 @@ import typer
 from agent_runtime.io.options import Options
 
 _DEFAULT = Options()
+AGENTS_VARIABLE = "ROCO_AGENTS"
 
 
 class Level(StrEnum):
@@ -78,6 +79,14 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
         keys: Annotated[
             str, typer.Option(envvar="ROCO_TLS_DIR", help="Folder of keys (`roco keys make`); empty: no encryption.")
         ] = "",
+        agents: Annotated[
+            str,
+            typer.Option(
+                envvar=AGENTS_VARIABLE,
+                help="Endpoints of agents that are linked directly, as co=tls/co:7448,ta=tls/ta:7448; empty: they meet"
+                " at the router.",
+            ),
+        ] = "",
         replay: Annotated[
             str,
             typer.Option(envvar="ROCO_REPLAY", help="Of an agent: a step log to run again offline instead of serving."),
@@ -96,6 +105,7 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
             seed=seed,
             scene=Path(scene) if scene else None,
             keys=Path(keys) if keys else None,
+            agents=endpoints(agents),
             replay=Path(replay) if replay else None,
         )
         raise typer.Exit(serve(options) or 0)
@@ -106,6 +116,15 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
 def listed(text: str) -> tuple[str, ...]:
     """Return the words between the commas, each once."""
     return tuple(dict.fromkeys(filter(None, (one.strip() for one in text.split(",")))))
+
+
+def endpoints(text: str) -> dict[str, str]:
+    """Return the endpoint by the name of each agent. Raises typer.BadParameter where one has none."""
+    pairs = [one.partition("=") for one in listed(text)]
+    wrong = ", ".join(name for name, _, endpoint in pairs if not endpoint)
+    if wrong:
+        raise typer.BadParameter(f"{wrong} has no endpoint; NAME=ENDPOINT, comma between", param_hint="--agents")
+    return {name: endpoint for name, _, endpoint in pairs}
 
 
 def run(name: str, text: str, serve: Callable[[Options], int | None]) -> None:

@@ -9,6 +9,7 @@ the old ones.
 """
 
 import datetime as dt
+import json
 import stat
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,11 +29,12 @@ from agent_runtime.io.secured import (
     Rights,
     certificate_file,
     key_file,
+    links_file,
     revoked,
     rights_of,
 )
 from topdown.model.design import Design
-from topdown.model.rights import access_control, common_names
+from topdown.model.rights import access_control, common_names, links_control
 
 OWNER_ONLY = 0o700
 
@@ -83,20 +85,32 @@ def issue(
     apart: bool = False,
     linked: bool = False,
     routers: int = 1,
+    direct: bool = False,
     keep_days: float | None = None,
     now: dt.datetime | None = None,
 ) -> Issued:
-    """Make all keys of the systems, or keep what still holds for `keep_days`. Raises OSError; ValueError for `linked`
-    with several `routers`.
+    """Make all keys of the systems, or keep what still holds for `keep_days`. `direct`: agents listen, too, and have
+    rules for their neighbours. Raises OSError; ValueError for two of `linked`, several `routers` and `direct`.
     """
     begin = now or dt.datetime.now(dt.UTC)
     places = seats(folder, design, systems, apart=apart, linked=linked, routers=routers)
-    rights = Rights(tuple(systems), access_control(design, *systems, linked=linked, routers=routers))
+    rights = Rights(tuple(systems), access_control(design, *systems, linked=linked, routers=routers, direct=direct))
     until = None if keep_days is None else holding(places, rights, hosts)
     kept = until is not None and keep_days is not None and until >= begin + dt.timedelta(days=keep_days)
     if until is None or not kept:
-        until = _make(folder, places, rights, begin, days, hosts, linked=linked)
+        links = _links(design, systems, places) if direct else {}
+        until = _make(folder, places, rights, begin, days, hosts, linked=linked, links=links)
     return Issued(str(folder), rights.systems, tuple(seat.name for seat in places), until, not kept)
+
+
+def _links(design: Design, systems: Sequence[str], places: Sequence[Seat]) -> dict[str, Rights]:
+    """Return each agent's rules for its neighbours, by its common name."""
+    found = {}
+    for system in systems:
+        names = {seat.identity: seat.name for seat in places if seat.name in (seat.identity, f"{system}.{seat.identity}")}
+        for agent in design.agents:
+            found[names[agent]] = Rights((system,), links_control(design, system, agent, names))
+    return found
 
 
 def _make(
@@ -108,6 +122,7 @@ def _make(
     hosts: Sequence[str],
     *,
     linked: bool,
+    links: dict[str, Rights],
 ) -> dt.datetime:
     end = begin + dt.timedelta(days=days)
     issuer = keys.authority(f"{' '.join(rights.systems)} authority"[:64], begin, end)
@@ -120,8 +135,10 @@ def _make(
         if routes:  # the revoked keys are of an authority that was replaced
             (seat.folder / REVOKED).unlink(missing_ok=True)
         keys.publish(seat.folder, issuer, rights if routes else None)
-        joins = linked or seat.identity in ROUTERS[1:]
-        listening = hosts if routes else ()
+        joins = linked or seat.identity in ROUTERS[1:] or seat.name in links
+        listening = hosts if routes or seat.name in links else ()
+        if seat.name in links:
+            write_secret(links_file(seat.folder, seat.identity), json.dumps(msgspec.to_builtins(links[seat.name])).encode())
         keys.issue(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=joins)
     return end
 

@@ -9,7 +9,8 @@ USAGE_ERROR = 2
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
-    """`connect`: the router's endpoint, or those of two linked routers, comma between; `listen`: where the router
+    """`agents`: where each agent is reached, where they are linked with each other directly; else they meet at the router.
+    `connect`: the router's endpoint, or those of two linked routers, comma between; `listen`: where the router
     itself listens, several with a comma between; `name`: which of two routers it is; `run_dir`: files of this run.
 
     `systems`: of a router or recorder that serves several robots, else () and `system` alone; `links`: endpoints of
@@ -31,6 +32,7 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     seed: int = 1
     scene: Path | None = None
     keys: Path | None = None
+    agents: dict[str, str] = {}
     replay: Path | None = None
 
     @property

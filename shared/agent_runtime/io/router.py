@@ -13,7 +13,7 @@ from agent_runtime.io.one_reader import OneReaderEvent
 from agent_runtime.io.options import Options
 from agent_runtime.io.pulse import PERIOD_S, Pulse
 from agent_runtime.io.run_files import make_run
-from agent_runtime.io.secured import REVOKED, KeysError, granted, key_file, revoked, rights_of, router_tls
+from agent_runtime.io.secured import KeysError, age, granted, revoked, rights_of, router_tls
 from agent_runtime.io.sessions import close, open_router
 
 KEYS_S = 10.0
@@ -82,19 +82,8 @@ def _awaited(options: Options, pulse: Pulse, ended: OneReaderEvent) -> tuple[int
 
 
 def _age(options: Options) -> tuple[int, int] | None:
-    """Return when this router's key, one of the last that are made together, was written, and the list of revoked ones.
-
-    None: there is no key (now); 0: no list.
-    """
-    if options.keys is None:
-        return None
-    try:
-        made = key_file(options.keys, options.name).stat().st_mtime_ns
-    except OSError:
-        return None
-    with suppress(OSError):
-        return made, (options.keys / REVOKED).stat().st_mtime_ns
-    return made, 0
+    """Return the age of this router's keys, of those that are made together the last ones; None: there are none."""
+    return None if options.keys is None else age(options.keys, options.name)
 
 
 def _opened(options: Options) -> zenoh.Session:

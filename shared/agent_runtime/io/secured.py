@@ -6,6 +6,7 @@ nothing is encrypted and nobody is asked who it is.
 """
 
 import os
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from agent_runtime.core.errors import RuntimeFault
 
 AUTHORITY = "authority.pem"
 RIGHTS = "rights.json"
+LINKS = ".links.json"
+"""After the name of an agent: its rules for its neighbours, where agents are linked directly."""
 REVOKED = "revoked.json"
 ROUTER = "router"
 ROUTERS = (ROUTER, "router-2")
@@ -64,6 +67,11 @@ def client_tls(folder: Path, identity: str) -> dict[str, Any]:
     }
 
 
+def links_tls(folder: Path, identity: str) -> dict[str, Any]:
+    """`transport/link/tls` of an agent that listens to its neighbours, and dials them. Raises KeysError."""
+    return router_tls(folder, identity, joins=True)
+
+
 def router_tls(folder: Path, identity: str = ROUTER, *, joins: bool = False) -> dict[str, Any]:
     """`transport/link/tls` of the router: a client without a certificate of this authority is refused. Raises
     KeysError. `joins`: it is a client of other routers, too, by the same certificate.
@@ -94,6 +102,33 @@ def rights_of(folder: Path, *systems: str) -> Rights:
             f" make keys for {missing}"
         )
     return rights
+
+
+def links_of(folder: Path, agent: str) -> dict[str, Any]:
+    """An agent's rules for its neighbours, without those whose keys are revoked. Raises KeysError."""
+    try:
+        rights = msgspec.json.decode(Path(_file(links_file(folder, agent))).read_bytes(), type=Rights)
+    except msgspec.MsgspecError as error:
+        raise KeysError(f"{links_file(folder, agent)} cannot be read ({error}); make the keys again") from error
+    return granted(rights.access_control, revoked(folder))
+
+
+def links_file(folder: Path, agent: str) -> Path:
+    """The file of an agent's rules for its neighbours."""
+    return folder / f"{agent}{LINKS}"
+
+
+def age(folder: Path, identity: str) -> tuple[int, int] | None:
+    """Return when the key of an identity was written, and the list of revoked ones; None: there is no key (now); 0: no
+    list.
+    """
+    try:
+        made = key_file(folder, identity).stat().st_mtime_ns
+    except OSError:
+        return None
+    with suppress(OSError):
+        return made, (folder / REVOKED).stat().st_mtime_ns
+    return made, 0
 
 
 def revoked(folder: Path) -> tuple[str, ...]:

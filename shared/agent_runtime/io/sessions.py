@@ -1,4 +1,4 @@
-"""Sessions of Zenoh, of a client and of the fleet's router: their settings, and the reasons.
+"""Sessions of Zenoh, of an agent linked with its neighbours, of a client and of the router: settings, and the reasons.
 
 Scouting off (no way around the router's rights), lease 2 s (a frozen process is seen in 1.6-2.0 s, a pause of 1.2 s is
 not), fast reconnect, a frozen peer holds nobody up for more than 0.1 s, no message beyond LONGEST, shared memory off
@@ -40,6 +40,9 @@ OPEN_MS = LEASE_MS
 """Longest try of one of two routers. One that hangs still takes connections, and Zenoh's 10 s would be waited for
 before the other is tried: 4 instead of 12 s of silence where the first one of the list hangs (measured).
 """
+LINK_PATIENCE_MS = 300
+"""Longest time that a frozen neighbour holds up what is put to it, before the link is closed. With 2000 ms a thread that
+put to a healthy neighbour waited for 1.1 s, too; with 100 to 500 ms for 1 to 10 ms (measured)."""
 MORE_SESSIONS = 20
 """Sessions at a router beside as many as there are identities; more are refused. Estimate: a dozen verbs of
 `roco` that listen, and processes that come back before their last session has ended.
@@ -76,6 +79,28 @@ def client_config(endpoint: str, tls: dict[str, Any] | None = None) -> zenoh.Con
     }
     if len(endpoints) > 1:
         parts["transport"]["unicast"] = {"open_timeout": OPEN_MS}
+    return zenoh.Config.from_json5(json.dumps(parts))
+
+
+def links_config(
+    listen: str,
+    neighbours: tuple[str, ...],
+    tls: dict[str, Any] | None = None,
+    access_control: dict[str, Any] | None = None,
+) -> zenoh.Config:
+    """Configuration of an agent's links: it listens, and dials each neighbour, as long as that is not there.
+
+    With keys (secured.links_tls) it grants its neighbours the rights of `access_control`; all others get none.
+    """
+    parts: dict[str, Any] = {
+        "mode": "peer",
+        "listen": {"endpoints": [listen]},
+        "connect": {"endpoints": list(neighbours), "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY},
+        "scouting": _NO_SCOUTING,
+        "transport": _transport(tls, LINK_PATIENCE_MS, router=False),
+    }
+    if access_control is not None:
+        parts["access_control"] = access_control
     return zenoh.Config.from_json5(json.dumps(parts))
 
 
@@ -139,6 +164,17 @@ def open_router(
     """A router in this process; when this returns it listens. Raises zenoh.ZError where the address is taken."""
     keep_memory()
     return zenoh.open(router_config(endpoint, tls, access_control, links))
+
+
+def open_links(
+    listen: str,
+    neighbours: tuple[str, ...],
+    tls: dict[str, Any] | None = None,
+    access_control: dict[str, Any] | None = None,
+) -> zenoh.Session:
+    """The links of an agent, whether its neighbours are there or not. Raises zenoh.ZError where the address is taken."""
+    keep_memory()
+    return zenoh.open(links_config(listen, neighbours, tls, access_control))
 
 
 def open_client(

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import Any
 
 import msgspec
+import zenoh
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.effects import Deed, Out
@@ -49,10 +50,11 @@ from agent_runtime.io.full_disk import FullDisk
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.incoming import Bytes, OrderBytes, Ping, ReceiptBytes, RouterSeen, Token
 from agent_runtime.io.journal import Journal, journal_file, new_name
+from agent_runtime.io.links import Joining, Links
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import make_run
-from agent_runtime.io.secured import client_tls
+from agent_runtime.io.secured import KeysError, client_tls
 from agent_runtime.io.sessions import open_client
 from agent_runtime.io.steplog import StepLog
 from agent_runtime.io.zenoh_wire import ZenohWire
@@ -61,6 +63,7 @@ QUIET_S = 0.005
 """Without anything new, after which logs are written; eight round trips. A kill -9 takes what was not (estimate)."""
 COLLECT_AFTER = 10_000
 """Objects made and not freed, after which the youngest are collected; Python's own 700 are a few steps' (estimate)."""
+LISTEN_S = 0.1  # between two tries to listen where the address is taken or keys are in the making (estimate)
 HEARTBEAT_S = 1.0
 """Of the heartbeat file and of pings until they are answered; estimate: people look once a second."""
 
@@ -84,6 +87,8 @@ class Shell:
         self._options, run = options, options.run_dir
         make_run(run)
         self._tls = client_tls(options.keys, self.name) if options.keys else None
+        self._links = Links(options, wiring) if options.agents else None
+        self._joining: Joining | None = None
         self.log = Log(agent.name, options.log_level, run / "logs" / f"{agent.name}.jsonl")
         self._disk = FullDisk(self.log)
         self._stop: Stop | None = None
@@ -147,16 +152,15 @@ class Shell:
     def _serve(self) -> None:
         stopping: list[Stop] = []
         self._serving = True
-        self.log.write("waiting for the router", at=self._options.connect)
-        session = open_client(
-            self._options.connect, lambda: self._stop_came(stopping), tls=self._tls, told=self._not_reached
-        )
+        session = self._session(lambda: self._stop_came(stopping))
         if session is None:
             return
-        state = self._state
+        state, direct = self._state, self._links is not None
         self._wire = ZenohWire(
-            session, self._core.wiring, state.incarnation, self._floor, state.journal, self._steps.path
+            session, self._core.wiring, state.incarnation, self._floor, state.journal, self._steps.path, direct=direct
         )
+        if direct:
+            self._joining = Joining(self._options, self.name, self._wire.join)
         self._wire.knows(self._state.journals)
         self._peers.router(True, clock.now())
         if self._maker is not None:
@@ -184,6 +188,35 @@ class Shell:
                 if item is not None:
                     self._floor.step(item)
                 self._on_time()
+
+    def _session(self, stop_came: Callable[[], bool]) -> zenoh.Session | None:
+        """Return the session with the neighbours, or with the router at which they meet; None where a stop came."""
+        if self._links is None:
+            self.log.write("waiting for the router", at=self._options.connect)
+            return open_client(self._options.connect, stop_came, tls=self._tls, told=self._not_reached)
+        told = ""
+        while not stop_came():
+            try:
+                session = self._links.open()
+            except (zenoh.ZError, KeysError) as error:
+                if str(error) != told:
+                    told = str(error)
+                    self.log.write("cannot listen", level="warning", at=self._links.at, why=told)
+                time.sleep(LISTEN_S)
+            else:
+                self.log.write("listening", at=self._links.at)
+                return session
+        return None
+
+    def _link_again(self) -> None:
+        """Open the links anew where the keys were renewed, or one was revoked."""
+        if self._links is None or self._wire is None or not self._links.stale:
+            return
+        self.log.write("the keys were renewed, or one was revoked")
+        self._wire.unlink()
+        session = self._session(lambda: self._stop is not None)
+        if session is not None:
+            self._wire.link(session)
 
     def _not_reached(self, why: str) -> None:
         self.log.write("still waiting for the router", level="warning", why=why)
@@ -222,6 +255,7 @@ class Shell:
             self._happen(Tick())
         if self._beat_at <= now:
             self._beat_at = now + HEARTBEAT_S
+            self._link_again()
             self._ping_all()
             self._listen_back(now)
             self._floods.look(self._inbox.dropped, full=self._steps.full)
@@ -238,6 +272,8 @@ class Shell:
         self._serving = False
         self._diary.write()
         self._device.close()
+        if self._joining is not None:
+            self._joining.close()
         if self._wire is not None:
             self._wire.close()
         self._journal.close()

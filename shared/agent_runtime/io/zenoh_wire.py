@@ -1,7 +1,8 @@
-"""The wire of one agent over a session of Zenoh: it hands on what it hears, and sends.
+"""The wire of one agent over sessions of Zenoh: it hands on what it hears, and sends.
 
 Every communicate is a put on its own key; receipts, pings and pongs are puts beside them; a liveliness token says
-which incarnation of the agent is alive.
+which incarnation of the agent is alive. All this goes to the neighbours: directly, or by the router. What is for tools
+(the state, samples for people, the log) goes by the router, and orders come from there.
 """
 
 from collections.abc import Mapping
@@ -61,11 +62,15 @@ class ZenohWire:
         inbox: Entrance,
         journal: str = "",
         log: Path | None = None,
+        *,
+        direct: bool = False,
     ) -> None:
-        """Declare what the agent listens to, then its token, with the name of its journal. `log`: its step log, for a
-        recorder that cannot read it.
+        """Declare what the agent listens to, then its token, with the name of its journal.
+
+        `session`: at the router, or (`direct`) linked with the neighbours: then `join` gives the one at the router.
+        `log`: its step log, for a recorder that cannot read it.
         """
-        self._session, self._wiring, self._inbox = session, wiring, inbox
+        self._wiring, self._inbox, self._direct = wiring, inbox, direct
         self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr, Any, Any, bool]] = {}
         self._known: dict[str, tuple[Class, tuple[str, ...], bool]] = {}
         self._channels = {
@@ -73,27 +78,51 @@ class ZenohWire:
             for peer in wiring.peers
         }
         self._journal, self._names = journal, dict[str, bytes]()
-        system, me = wiring.system, wiring.agent
+        self._life = service_key(wiring.system, "alive", wiring.agent, life(incarnation, journal))
         self._sender = None if log is None else LogSender(log, self._put_log)
         # References are kept: a dropped declaration is undeclared.
-        self._declared: list[Any] = [
+        self._tools: zenoh.Session | None = None
+        self._orders: list[Any] = []
+        self._declared: list[Any] = []
+        if not direct:
             # Nothing is put by these. A router keeps the way of a key that somebody declared a publisher on, and finds
             # that of any other again each time: a tenth of a way there and back. The sender's own would do as well, but
             # they drop what they put until the router tells of a subscriber, which no agent has the right to learn.
-            *(session.declare_publisher(key) for key in wiring.heard_keys()),
-            session.info.declare_transport_events_listener(self._on_transport, history=True),
-            *(session.declare_subscriber(key, self._on_communicate) for key in wiring.inbox_keys()),
+            self._declared += [session.declare_publisher(key) for key in wiring.heard_keys()]
+            self._declared.append(session.info.declare_transport_events_listener(self._on_transport, history=True))
+            self.join(session)
+        self.link(session)
+
+    def link(self, session: zenoh.Session) -> None:
+        """Hear the neighbours, and be alive to them, from now on in this session."""
+        system, me = self._wiring.system, self._wiring.agent
+        self._session, self._routes = session, {}
+        self._declared += [
+            *(session.declare_subscriber(key, self._on_communicate) for key in self._wiring.inbox_keys()),
             session.declare_subscriber(service_key(system, "receipt", "*", me), self._on_receipt),
             session.declare_subscriber(service_key(system, "ping", "*", me), self._on_ping),
             session.declare_subscriber(service_key(system, "pong", "*", me), self._on_pong),
-            session.declare_subscriber(service_key(system, KIND, "*", me), self._on_order),
-            session.declare_subscriber(service_key(system, WANTED, "*", me), self._on_wanted),
             # history: a token declared in the same instant was missed without it in 4 of 9 runs.
             session.liveliness().declare_subscriber(
                 service_key(system, "alive", "*", "*"), self._on_token, history=True
             ),
-            session.liveliness().declare_token(service_key(system, "alive", me, life(incarnation, journal))),
+            session.liveliness().declare_token(self._life),
         ]
+
+    def unlink(self) -> None:
+        """End the session with the neighbours; the token vanishes at once."""
+        self._declared.clear()
+        close(self._session)
+
+    def join(self, session: zenoh.Session) -> None:
+        """Take orders in a session at the router, and say there what is for tools."""
+        system, me = self._wiring.system, self._wiring.agent
+        self._orders = [
+            session.declare_subscriber(service_key(system, KIND, "*", me), self._on_order),
+            session.declare_subscriber(service_key(system, WANTED, "*", me), self._on_wanted),
+            *([session.liveliness().declare_token(self._life)] if self._direct else []),
+        ]
+        self._tools = session
 
     # --- out ----------------------------------------------------------------------------------------------------------
 
@@ -138,21 +167,26 @@ class ZenohWire:
 
     def publish(self, kind: str, data: bytes) -> None:
         """Put something for people: dropped where it would have to wait. Raises TooLongError."""
-        key = service_key(self._wiring.system, kind, self._wiring.agent)
-        if not self._session.is_closed():
+        key, tools = service_key(self._wiring.system, kind, self._wiring.agent), self._tools
+        if tools is not None and not tools.is_closed():
             # More than about 1 MB/s of it must not be put: if the cable is cut under 3 MB/s, such a put never returns
             # (eclipse-zenoh 1.10.2, with any size of the socket's buffer). 0.6 MB/s does no harm (measured).
             drop = zenoh.CongestionControl.DROP
-            put(self._session, key, data, congestion_control=drop)
+            put(tools, key, data, congestion_control=drop)
 
     def close(self) -> None:
-        """Close the session; the token vanishes at once."""
+        """Close the sessions; the token vanishes at once."""
         if self._sender is not None:
             self._sender.close()
         close(self._session)
+        if self._tools is not None and self._tools is not self._session:
+            close(self._tools)
         self._declared.clear()
+        self._orders.clear()
 
     def _put(self, key: zenoh.KeyExpr | str, data: bytes, priority: Any, attached: bytes | None = None) -> None:
+        if self._direct and self._session.is_closed():  # it is opened again: what is said now is said again then
+            return
         if attached is None:
             put(self._session, key, data, priority=priority, congestion_control=_BLOCK)
         else:
@@ -160,9 +194,9 @@ class ZenohWire:
 
     def _put_log(self, data: bytes) -> None:
         """Put a part of the log, behind everything else."""
-        if not self._session.is_closed():
+        if self._tools is not None and not self._tools.is_closed():
             key = service_key(self._wiring.system, LOG, self._wiring.agent)
-            put(self._session, key, data, priority=zenoh.Priority.BACKGROUND, congestion_control=_BLOCK)
+            put(self._tools, key, data, priority=zenoh.Priority.BACKGROUND, congestion_control=_BLOCK)
 
     # --- in: on Zenoh's threads ---------------------------------------------------------------------------------------
 

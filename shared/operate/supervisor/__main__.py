@@ -11,7 +11,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from agent_runtime.io.cli import Level, Speed
+from agent_runtime.io.cli import AGENTS_VARIABLE, Level, Speed
 from agent_runtime.io.forked import FORKS_VARIABLE
 from agent_runtime.io.options import USAGE_ERROR
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
@@ -87,8 +87,20 @@ def main(
             folder.make(run, latest=latest)
             routing = tuple(process.name for process in processes if process.name in ROUTERS)
             two = routers > 1
+            # Given keys have the rights of agents that meet at the router.
+            whole = set(bound.design.agents) <= {process.name for process in processes}
+            direct = whole and not two and bool(routing) and (insecure or not keys)
             made = Keys(
-                run, bound.design, system, connect, keys, insecure=insecure, here=routing, linked=two, days=key_days
+                run,
+                bound.design,
+                system,
+                connect,
+                keys,
+                insecure=insecure,
+                here=routing,
+                linked=two,
+                direct=direct,
+                days=key_days,
             )
         except (OSError, ValueError, NoSystemError) as error:
             typer.echo(f"supervisor: {error}", err=True)
@@ -100,6 +112,7 @@ def main(
             RUN_FOLDER_VARIABLE: str(run),
             "ROCO_SYSTEM": system,
             "ROCO_CONNECT": made.own,
+            AGENTS_VARIABLE: ",".join(f"{name}={endpoint}" for name, endpoint in made.agents.items()),
             "ROCO_SPEED": speed.value,
             "ROCO_SEED": str(seed),
             "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
@@ -112,7 +125,7 @@ def main(
         options |= bound.environment(run)
         apart = made.routers
         if faults:
-            processes, wires = wiring.wired(processes, tuple(bound.design.agents), made.own, run)
+            processes, wires = wiring.wired(processes, bound.design, made.own, made.agents, run)
             apart |= wires
         processes = forking(processes)
         options[FORKS_VARIABLE] = str(run / FORKS_FILE)

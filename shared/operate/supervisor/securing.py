@@ -39,7 +39,7 @@ class Keys:
     """Addresses of the routers, and the folder of keys: None where nothing is encrypted.
 
     `own`: where the processes of this host meet, of two routers comma between; `routers`: the settings of each that is
-    started here. One that others reach, too, has a listener on loopback for its own: a flood of handshakes locks the
+    started here; `agents`: where each agent is reached, where they are linked. A router that others reach, too, has a listener on loopback for its own: a flood of handshakes locks the
     listener that it hits, and no other.
     """
 
@@ -54,14 +54,16 @@ class Keys:
         insecure: bool,
         here: tuple[str, ...],
         linked: bool = False,
+        direct: bool = False,
         days: float = DAYS,
     ) -> None:
         """Begin to make them, where a router is started here and none are given.
 
         `connect`: the addresses asked for, "" for free ports here; `given`: a folder of keys that are there; `here`:
-        the routers that are started here; `linked`: there are two. ValueError where addresses and keys do not fit.
+        the routers that are started here; `linked`: there are two; `direct`: all agents are started here, and are linked
+        with each other. ValueError where addresses and keys do not fit.
         """
-        self._design, self._system, self._days = design, system, days
+        self._design, self._system, self._days, self._direct = design, system, days, direct
         self._from, self._due = -float("inf"), float("inf")
         self._routers = len(ROUTERS) if linked else 1
         mine = bool(here) and not given and not insecure
@@ -69,6 +71,8 @@ class Keys:
         self.addresses = listed(connect) or tuple(
             f"{TLS if self.folder else PLAIN}127.0.0.1:{free_port()}" for _ in range(self._routers)
         )
+        scheme = TLS if self.folder else PLAIN
+        self.agents = {name: f"{scheme}127.0.0.1:{free_port()}" for name in design.agents} if direct else {}
         self._fit(here, mine=mine)
         self.own, self.routers = self._met(here)
         self._making = threading.Thread(target=self._begin, name="keys", daemon=True)
@@ -153,7 +157,16 @@ class Keys:
         assert self.folder is not None
         hosts = tuple(dict.fromkeys((*keys.HOSTS, *(place(one)[0] for one in self.addresses))))
         systems, count, now = (self._system,), self._routers, dt.datetime.fromtimestamp(time.time(), dt.UTC)
-        made = issuing.issue(self.folder, self._design, systems, days=self._days, hosts=hosts, routers=count, now=now)
+        made = issuing.issue(
+            self.folder,
+            self._design,
+            systems,
+            days=self._days,
+            hosts=hosts,
+            routers=count,
+            direct=self._direct,
+            now=now,
+        )
         until = made.until
         self._from = until.timestamp() - self._days * 86400.0 - keys.BACK.total_seconds() / 2
         self._due = until.timestamp() - LAST * self._days * 86400.0

@@ -1,40 +1,52 @@
-"""A fleet whose agents reach the routers by wires and have wall clocks of their own, for `roco up --faults`."""
+"""A fleet whose agents reach routers and each other by wires and have wall clocks of their own, for `roco up --faults`."""
 
 from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io.cli import AGENTS_VARIABLE
 from operate.supervisor.processes import Process
 from operate.supervisor.securing import free_port
 from operate.wires import clocks, files
+from topdown.model.design import Design
 
 WIRES = Process("wires", "operate.wires")
 CONNECT = "ROCO_CONNECT"
 
 
 def wired(
-    processes: tuple[Process, ...], agents: tuple[str, ...], connect: str, run: Path
+    processes: tuple[Process, ...], design: Design, connect: str, agents: dict[str, str], run: Path
 ) -> tuple[tuple[Process, ...], dict[str, dict[str, str]]]:
     """Return the processes with the wires' own among them, and the variables that agents get apart; wires.json is told.
 
-    `connect`: the routers' addresses. Agents start after the wires, and end before them.
+    `connect`: the routers' addresses; `agents`: those of agents that are linked with each other. Agents start after the
+    wires, and end before them.
     """
-    addresses = files.routers(connect)
+    routers, link = files.routers(connect), connect.partition("/")[0]
+    places = {name: files.place(address) for name, address in agents.items()}
     wires = files.Wires(
-        addresses,
-        {one.name: {router: free_port() for router in addresses} for one in processes if one.name in agents},
+        routers | places,
+        {
+            one.name: {end: free_port() for end in (*routers, *(set(design.peers(one.name)) & set(places)))}
+            for one in processes
+            if one.name in design.agents
+        },
     )
     files.tell(run, wires)
     first = next((n for n, one in enumerate(processes) if one.name in wires.ports), len(processes))
-    before = tuple(one.name for one in processes[:first] if one.name in addresses)
+    before = tuple(one.name for one in processes[:first] if one.name in routers)
     behind = (
         msgspec.structs.replace(one, after=(*one.after, WIRES.name)) if one.name in wires.ports else one
         for one in processes[first:]
     )
-    link = connect.partition("/")[0]
     own = clocks.made(run, tuple(wires.ports))
-    apart = {
-        name: {CONNECT: ",".join(f"{link}/127.0.0.1:{port}" for port in ports.values()), **own.get(name, {})}
-        for name, ports in wires.ports.items()
-    }
+    apart = {}
+    for name, ports in wires.ports.items():
+        reached = {end: f"{link}/127.0.0.1:{port}" for end, port in ports.items()}
+        seen = agents | {end: at for end, at in reached.items() if end in agents}
+        apart[name] = {
+            CONNECT: ",".join(reached[router] for router in routers),
+            AGENTS_VARIABLE: ",".join(f"{end}={at}" for end, at in seen.items()),
+            **own.get(name, {}),
+        }
     return (*processes[:first], msgspec.structs.replace(WIRES, after=before), *behind), apart

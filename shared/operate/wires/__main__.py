@@ -28,9 +28,10 @@ class Board:
         """Read them again."""
         self._now = files.conditions(self._run)
 
-    def of(self, agent: str, router: str) -> Conditions:
-        """Return those of an agent's wire to a router: its own, else those of all wires there."""
-        return self._now.get(agent) or self._now.get(router) or Conditions()
+    def of(self, agent: str, end: str) -> Conditions:
+        """Return those of the wire from an agent to an end: of the two alone, else of all wires of either."""
+        names = (f"{agent}-{end}", f"{end}-{agent}", agent, end)
+        return next((self._now[name] for name in names if name in self._now), Conditions())
 
 
 async def forward(options: Options) -> int:
@@ -48,8 +49,8 @@ async def forward(options: Options) -> int:
     chance = random.Random(options.seed)
     board.look()
     for agent, ports in wires.ports.items():
-        for router, port in ports.items():
-            wire = Wire(*wires.routers[router], partial(board.of, agent, router), chance)
+        for end, port in ports.items():
+            wire = Wire(*wires.ends[end], partial(board.of, agent, end), chance)
             await asyncio.start_server(wire.connected, wires.bind, port)
     pulse, ready = Pulse(options.run_dir, NAME), options.run_dir / f"{NAME}.ready"
     ready.touch()
@@ -63,7 +64,7 @@ async def forward(options: Options) -> int:
 
 def main() -> None:
     """Serve until a signal; ends the process."""
-    cli.run(NAME, "Forwards between agents and router, and disturbs on demand.", lambda o: asyncio.run(forward(o)))
+    cli.run(NAME, "Forwards between agents and router, and between linked agents, and disturbs on demand.", lambda o: asyncio.run(forward(o)))
 
 
 if __name__ == "__main__":

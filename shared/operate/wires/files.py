@@ -1,8 +1,8 @@
 """Files of the run folder by which supervisor, `roco fault` and the proxy communicate.
 
-wires.json: the addresses of the routers, and each agent's ports of the proxy; written by the supervisor.
-NAME.KIND.wire: a condition of the wires of NAME while the file is there, its amount as text. A router's are those of
-all agents to it.
+wires.json: where routers and linked agents listen, and each agent's ports of the proxy; written by the supervisor.
+NAME.KIND.wire: a condition of the wires of NAME while the file is there, its amount as text. The wires of an agent are
+all its links; those of a router are all agents' to it; those of a pair, such as co-pl, are the link of the two.
 """
 
 from pathlib import Path
@@ -16,17 +16,27 @@ WIRES_FILE, SUFFIX = "wires.json", ".wire"
 
 
 class Wires(msgspec.Struct, frozen=True):
-    """`routers`: where each listens (host, port); `ports`: agent -> router -> where the proxy listens, at `bind`."""
+    """`ends`: where routers and linked agents listen (host, port); `ports`: agent -> end -> where the proxy listens, at
+    `bind`.
+    """
 
-    routers: dict[str, tuple[str, int]]
+    ends: dict[str, tuple[str, int]]
     ports: dict[str, dict[str, int]]
     bind: str = "127.0.0.1"
 
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        """The names of the links between agents, either way round, such as co-pl."""
+        return tuple(f"{agent}-{end}" for agent, ends in self.ports.items() for end in ends if end in self.ports)
+
     def missing(self, name: str) -> str:
         """Return why no wire has that name, or "" if one has; a router stands for all wires to it."""
-        routers = ", ".join(f"{one} for all to it" for one in self.routers)
-        known = name in (*self.routers, *self.ports)
-        return "" if known else f"{name} has no wire; there are {', '.join(self.ports)}, and {routers}"
+        if name in (*self.ends, *self.ports, *self.pairs):
+            return ""
+        routers = [f"{one} for all to it" for one in self.ends if one not in self.ports]
+        pairs = [f"{one}" for one in self.pairs if one.split("-") == sorted(one.split("-"))]
+        links = f", and the links {', '.join(pairs)}" if pairs else ""
+        return f"{name} has no wire; there are {', '.join([*self.ports, *routers])}{links}"
 
 
 class Conditions(msgspec.Struct, frozen=True):

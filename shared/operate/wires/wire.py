@@ -1,4 +1,4 @@
-"""One wire: connections of an agent, forwarded to the router and back under the conditions that hold now.
+"""One wire: connections of an agent, forwarded to a router or a neighbour and back under the conditions that hold now.
 
 TCP delivers every byte in order, so a lost piece is one that comes late, and holds up what is behind it: after Linux's
 shortest retransmission time, doubled for each further loss. A cut wire delivers nothing, not even an end.

@@ -1,4 +1,4 @@
-"""Rights of each identity on each key: derived from a design, and written as the access rules of a Zenoh router.
+"""Rights of each identity on each key: derived from a design, and written as the access rules of Zenoh sessions.
 
 Default deny. An agent may put exactly the communicates that the design lets it say (sender, receiver, protocol,
 performative) and hear exactly what is said to it; of samples that are not communicates it may write its own keys where
@@ -81,10 +81,12 @@ def families(design: Design, system: str) -> tuple[Family, ...]:
     return (*said, *(family for signal in design.signals.values() for family in _of_signal(design, system, signal)))
 
 
-def rights(design: Design, system: str) -> tuple[Right, ...]:
-    """Every allowed cell; what is not here is denied."""
+def rights(design: Design, system: str, *, direct: bool = False) -> tuple[Right, ...]:
+    """Every allowed cell; what is not here is denied. `direct`: without what agents say to each other."""
     found: list[Right] = []
     for family in families(design, system):
+        if direct and {family.owner, family.peer} <= set(design.agents):
+            continue
         write, read = (Action.TOKEN, Action.WATCH) if family.token else (Action.PUT, Action.SUBSCRIBE)
         found.append(Right(family.owner, write, family.key))
         found += [Right(name, read, family.key) for name in _hearers(design, family)]
@@ -109,18 +111,24 @@ def common_names(
     return {name: tuple(pairs) for name, pairs in found.items()}
 
 
-def access_control(design: Design, *systems: str, linked: bool = False, routers: int = 1) -> dict[str, Any]:
+def access_control(
+    design: Design, *systems: str, linked: bool = False, routers: int = 1, direct: bool = False
+) -> dict[str, Any]:
     """The part `access_control` of a Zenoh router's configuration (1.10): subjects are common names of certificates.
 
     Directions are the router's: ingress is what a client sends. A subscription may have wildcards (`_ears`); what then
     reaches the subscriber are only the keys that it has a right to. Subscriptions of others are told to no agent, so a
     publisher cannot learn who listens. `linked`: each system has a router of its own, and the rules are for each of
-    these; the others are its clients, too. `routers`: 2 are linked and serve all systems. Raise ValueError for both.
+    these; the others are its clients, too. `routers`: 2 are linked and serve all systems. `direct`: agents are linked
+    with each other, and nothing that they say to each other passes here. Raise ValueError for two of these.
     """
-    if linked and routers > 1:
-        raise ValueError("a router for each system, or two for all of them: linked and routers do not go together")
+    if linked + (routers > 1) + direct > 1:
+        raise ValueError(
+            "a router for each system, two for all of them, or agents with direct links: linked, routers and direct"
+            " do not go together"
+        )
     holders = common_names(design, systems, linked=linked, routers=routers)
-    rules = {name: list(_rules(design, name, pairs)) for name, pairs in holders.items()}
+    rules = {name: list(_rules(design, name, pairs, direct=direct)) for name, pairs in holders.items()}
     if linked:
         rules |= {f"{one}.{ROUTER}": list(_neighbour(design, one, systems)) for one in systems}
     if routers > 1:
@@ -136,11 +144,44 @@ def access_control(design: Design, *systems: str, linked: bool = False, routers:
     }
 
 
-def _rules(design: Design, name: str, pairs: tuple[tuple[str, str], ...]) -> Iterator[dict[str, Any]]:
+def links_control(design: Design, system: str, agent: str, names: dict[str, str]) -> dict[str, Any]:
+    """The part `access_control` of the configuration of an agent that is linked with its neighbours (Zenoh 1.10).
+
+    A neighbour may put what the design lets it say to this agent, hear what this agent says to it, and see this agent's
+    token; everything else is denied, also to clients that a neighbour forwards for. `names`: identity -> common name.
+    """
+    neighbours = sorted(design.peers(agent))
+    rules = {names[one]: list(_linked(design, system, agent, one, names[one])) for one in neighbours}
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [rule for found in rules.values() for rule in found],
+        "subjects": [{"id": name, "cert_common_names": [name]} for name in rules],
+        "policies": [{"subjects": [name], "rules": [rule["id"] for rule in found]} for name, found in rules.items()],
+    }
+
+
+def _linked(design: Design, system: str, agent: str, neighbour: str, name: str) -> Iterator[dict[str, Any]]:
+    """Rules of an agent for one neighbour: ingress is what that one sends."""
+    both = {agent, neighbour}
+    ways = ((neighbour, "ingress", "brings", "asks"), (agent, "egress", "takes", "is asked"))
+    for owner, flow, brings, asks in ways:
+        own = [one for one in families(design, system) if one.owner == owner]
+        said = [one.key for one in own if {one.owner, one.peer} == both]
+        yield from _rule(f"{name} {brings} words", flow, ["put"], said)
+        yield from _rule(f"{name} {brings} life", flow, ["liveliness_token"], [one.key for one in own if one.token])
+        ears, watching = _ears(design, system, owner), ["liveliness_query", "declare_liveliness_subscriber"]
+        yield from _rule(f"{name} {asks} for words", flow, ["declare_subscriber"], ears[Action.SUBSCRIBE])
+        yield from _rule(f"{name} {asks} for life", flow, watching, ears[Action.WATCH])
+
+
+def _rules(
+    design: Design, name: str, pairs: tuple[tuple[str, str], ...], *, direct: bool = False
+) -> Iterator[dict[str, Any]]:
     keys: dict[Action, list[str]] = {action: [] for action in Action}
     ears: dict[Action, list[str]] = {Action.SUBSCRIBE: [], Action.WATCH: []}
     for identity, system in pairs:
-        for right in rights(design, system):
+        for right in rights(design, system, direct=direct):
             if right.identity == identity:
                 keys[Action(right.action)].append(right.key)
         for action, wide in _ears(design, system, identity).items():
