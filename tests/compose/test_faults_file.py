@@ -18,7 +18,7 @@ def test_each_agent_reaches_the_router_by_a_wire_of_its_own():
     """The proxy listens for each where that one is told to connect, and goes on to the router's endpoint."""
     told = files.listed(WIRES["environment"]["ROCO_CONNECT"], WIRES["environment"]["ROCO_LISTEN"])
     assert told is not None
-    assert (told.routers, told.bind) == ({"router": ("router", 7447), "router-2": ("router-2", 7447)}, "0.0.0.0")
+    assert (told.ends, told.bind) == ({"router": ("router", 7447), "router-2": ("router-2", 7447)}, "0.0.0.0")
     agents = {name: service for name, service in OVER["services"].items() if name != "wires"}
     assert agents == {
         name: {"environment": {"ROCO_CONNECT": ",".join(f"tls/wires:{port}" for port in ports.values())}}

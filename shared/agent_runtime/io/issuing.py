@@ -107,7 +107,9 @@ def _links(design: Design, systems: Sequence[str], places: Sequence[Seat]) -> di
     """Return each agent's rules for its neighbours, by its common name."""
     found = {}
     for system in systems:
-        names = {seat.identity: seat.name for seat in places if seat.name in (seat.identity, f"{system}.{seat.identity}")}
+        names = {
+            seat.identity: seat.name for seat in places if seat.name in (seat.identity, f"{system}.{seat.identity}")
+        }
         for agent in design.agents:
             found[names[agent]] = Rights((system,), links_control(design, system, agent, names))
     return found
@@ -138,7 +140,9 @@ def _make(
         joins = linked or seat.identity in ROUTERS[1:] or seat.name in links
         listening = hosts if routes or seat.name in links else ()
         if seat.name in links:
-            write_secret(links_file(seat.folder, seat.identity), json.dumps(msgspec.to_builtins(links[seat.name])).encode())
+            write_secret(
+                links_file(seat.folder, seat.identity), json.dumps(msgspec.to_builtins(links[seat.name])).encode()
+            )
         keys.issue(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=joins)
     return end
 

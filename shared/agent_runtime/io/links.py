@@ -1,7 +1,7 @@
 """The links of an agent with its neighbours: one session, opened again where keys were renewed or one was revoked.
 
-Both ends of a link listen and dial, so that a restarted agent is linked again at once, and a storm of connections has to
-hit both ends to keep them apart. The session is open whether a neighbour is there or not.
+Both ends of a link listen and dial, so that a restarted agent is linked again at once, and a storm of connections has
+to hit both ends to keep them apart. The session is open whether a neighbour is there or not.
 """
 
 import threading

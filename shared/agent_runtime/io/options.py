@@ -9,9 +9,10 @@ USAGE_ERROR = 2
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
-    """`agents`: where each agent is reached, where they are linked with each other directly; else they meet at the router.
-    `connect`: the router's endpoint, or those of two linked routers, comma between; `listen`: where the router
-    itself listens, several with a comma between; `name`: which of two routers it is; `run_dir`: files of this run.
+    """`agents`: where each agent is reached, if they are linked with each other; {}: they meet at the router.
+
+    `connect`: the router's endpoint, or those of two linked routers, comma between; `listen`: where the router itself
+    listens, several with a comma between; `name`: which of two routers it is; `run_dir`: files of this run.
 
     `systems`: of a router or recorder that serves several robots, else () and `system` alone; `links`: endpoints of
     other routers that the router joins. `speed`: "1" (simulated time is real time) or "max"; `seed`: varies poses and

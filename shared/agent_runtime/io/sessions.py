@@ -41,8 +41,8 @@ OPEN_MS = LEASE_MS
 before the other is tried: 4 instead of 12 s of silence where the first one of the list hangs (measured).
 """
 LINK_PATIENCE_MS = 300
-"""Longest time that a frozen neighbour holds up what is put to it, before the link is closed. With 2000 ms a thread that
-put to a healthy neighbour waited for 1.1 s, too; with 100 to 500 ms for 1 to 10 ms (measured)."""
+"""Longest time that a frozen neighbour holds up what is put to it, before the link is closed. With 2000 ms a thread
+that put to a healthy neighbour waited for 1.1 s, too; with 100 to 500 ms for 1 to 10 ms (measured)."""
 MORE_SESSIONS = 20
 """Sessions at a router beside as many as there are identities; more are refused. Estimate: a dozen verbs of
 `roco` that listen, and processes that come back before their last session has ended.
@@ -172,7 +172,7 @@ def open_links(
     tls: dict[str, Any] | None = None,
     access_control: dict[str, Any] | None = None,
 ) -> zenoh.Session:
-    """The links of an agent, whether its neighbours are there or not. Raises zenoh.ZError where the address is taken."""
+    """The links of an agent, whether its neighbours are there or not. Raises zenoh.ZError: the address is taken."""
     keep_memory()
     return zenoh.open(links_config(listen, neighbours, tls, access_control))
 

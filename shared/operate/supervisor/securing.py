@@ -39,8 +39,8 @@ class Keys:
     """Addresses of the routers, and the folder of keys: None where nothing is encrypted.
 
     `own`: where the processes of this host meet, of two routers comma between; `routers`: the settings of each that is
-    started here; `agents`: where each agent is reached, where they are linked. A router that others reach, too, has a listener on loopback for its own: a flood of handshakes locks the
-    listener that it hits, and no other.
+    started here. One that others reach, too, has a listener on loopback for its own: a flood of handshakes locks the
+    listener that it hits, and no other. `agents`: where each agent is reached, where they are linked.
     """
 
     def __init__(
@@ -60,8 +60,8 @@ class Keys:
         """Begin to make them, where a router is started here and none are given.
 
         `connect`: the addresses asked for, "" for free ports here; `given`: a folder of keys that are there; `here`:
-        the routers that are started here; `linked`: there are two; `direct`: all agents are started here, and are linked
-        with each other. ValueError where addresses and keys do not fit.
+        the routers that are started here; `linked`: there are two; `direct`: all agents are started here, and linked.
+        ValueError where addresses and keys do not fit.
         """
         self._design, self._system, self._days, self._direct = design, system, days, direct
         self._from, self._due = -float("inf"), float("inf")

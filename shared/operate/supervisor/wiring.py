@@ -1,4 +1,6 @@
-"""A fleet whose agents reach routers and each other by wires and have wall clocks of their own, for `roco up --faults`."""
+"""A fleet with wires, for `roco up --faults`: agents reach routers and each other by them, and have wall clocks of their
+own.
+"""
 
 from pathlib import Path
 

@@ -64,7 +64,11 @@ async def forward(options: Options) -> int:
 
 def main() -> None:
     """Serve until a signal; ends the process."""
-    cli.run(NAME, "Forwards between agents and router, and between linked agents, and disturbs on demand.", lambda o: asyncio.run(forward(o)))
+    cli.run(
+        NAME,
+        "Forwards between agents and router, and between linked agents, and disturbs on demand.",
+        lambda o: asyncio.run(forward(o)),
+    )
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ class Wires(msgspec.Struct, frozen=True):
         if name in (*self.ends, *self.ports, *self.pairs):
             return ""
         routers = [f"{one} for all to it" for one in self.ends if one not in self.ports]
-        pairs = [f"{one}" for one in self.pairs if one.split("-") == sorted(one.split("-"))]
+        pairs = sorted({"-".join(sorted(one.split("-"))) for one in self.pairs})
         links = f", and the links {', '.join(pairs)}" if pairs else ""
         return f"{name} has no wire; there are {', '.join([*self.ports, *routers])}{links}"
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from agent_runtime.io.cli import AGENTS_VARIABLE, endpoints
 from agent_runtime.io.secured import ROUTERS
 from companion.tools.system import SYSTEM
 from operate.supervisor import core
@@ -19,7 +20,7 @@ AGENTS = tuple(SYSTEM.design.agents)
 def test_agents_start_after_their_wires(tmp_path: Path, only: str) -> None:
     """In an order that the supervisor can start; all others are as they were."""
     before = chosen(only, SYSTEM.processes)
-    processes, apart = wired(before, AGENTS, "tls/10.0.0.1:7447", tmp_path)
+    processes, apart = wired(before, SYSTEM.design, "tls/10.0.0.1:7447", {}, tmp_path)
     assert core.begin(processes, 0.0).known.keys() == {WIRES.name, *(one.name for one in before)}
     agents = [one.name for one in before if one.name in AGENTS]
     assert [one.name for one in processes if WIRES.name in one.after] == agents
@@ -28,7 +29,7 @@ def test_agents_start_after_their_wires(tmp_path: Path, only: str) -> None:
     ]
     told = files.told(tmp_path)
     assert told is not None
-    assert (told.routers, set(told.ports)) == ({"router": ("10.0.0.1", 7447)}, set(agents))
+    assert (told.ends, set(told.ports)) == ({"router": ("10.0.0.1", 7447)}, set(agents))
     assert {name: own[CONNECT] for name, own in apart.items()} == {
         name: f"tls/127.0.0.1:{ports['router']}" for name, ports in told.ports.items()
     }
@@ -37,15 +38,36 @@ def test_agents_start_after_their_wires(tmp_path: Path, only: str) -> None:
 
 def test_of_two_routers_each_agent_has_a_wire_to_each(tmp_path: Path) -> None:
     """All at ports of their own; the wires start after both routers, and agents reach both."""
-    processes, apart = wired(linked(SYSTEM.processes), AGENTS, "tls/10.0.0.1:7447,tls/10.0.0.2:7448", tmp_path)
+    connect = "tls/10.0.0.1:7447,tls/10.0.0.2:7448"
+    processes, apart = wired(linked(SYSTEM.processes), SYSTEM.design, connect, {}, tmp_path)
     assert next(one.after for one in processes if one.name == WIRES.name) == ROUTERS
     told = files.told(tmp_path)
     assert told is not None
-    assert told.routers == {"router": ("10.0.0.1", 7447), "router-2": ("10.0.0.2", 7448)}
+    assert told.ends == {"router": ("10.0.0.1", 7447), "router-2": ("10.0.0.2", 7448)}
     assert all(tuple(ports) == ROUTERS for ports in told.ports.values())
     assert len({port for ports in told.ports.values() for port in ports.values()}) == 2 * len(AGENTS)
     for name, ports in told.ports.items():
         assert apart[name][CONNECT] == ",".join(f"tls/127.0.0.1:{port}" for port in ports.values())
+
+
+def test_linked_agents_have_a_wire_to_each_neighbour(tmp_path: Path) -> None:
+    """And to the router; each listens at its own address and is told the neighbours' only by their wires."""
+    agents = {name: f"tls/10.0.0.1:{7500 + number}" for number, name in enumerate(AGENTS)}
+    _, apart = wired(SYSTEM.processes, SYSTEM.design, "tls/10.0.0.1:7447", agents, tmp_path)
+    told = files.told(tmp_path)
+    assert told is not None
+    for name, ports in told.ports.items():
+        assert ports.keys() == {"router", *SYSTEM.design.peers(name)}
+        seen = endpoints(apart[name][AGENTS_VARIABLE])
+        assert seen[name] == agents[name]
+        assert {peer: seen[peer] for peer in SYSTEM.design.peers(name)} == {
+            peer: f"tls/127.0.0.1:{port}" for peer, port in ports.items() if peer != "router"
+        }
+    assert {told.missing(name) for name in ("co-pl", "pl-co", "co", "router")} == {""}
+    assert told.missing("co-km") == (
+        "co-km has no wire; there are km, pl, ta, ex, co, hi, router for all to it, and the links co-hi, co-pl,"
+        " co-ta, ex-ta, km-pl, km-ta"
+    )
 
 
 def test_an_address_is_a_host_and_a_port() -> None:
