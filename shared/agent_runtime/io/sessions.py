@@ -97,6 +97,8 @@ def links_config(
         "listen": {"endpoints": [listen]},
         "connect": {"endpoints": list(neighbours), "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY},
         "scouting": _NO_SCOUTING,
+        # Else each open waits 0.5 s for neighbours that are not there yet.
+        "open": {"return_conditions": {"connect_scouted": False, "declares": False}},
         "transport": _transport(tls, LINK_PATIENCE_MS, router=False),
     }
     if access_control is not None:

@@ -213,10 +213,17 @@ class Shell:
         if self._links is None or self._wire is None or not self._links.stale:
             return
         self.log.write("the keys were renewed, or one was revoked")
+        self._linked(up=False)
         self._wire.unlink()
         session = self._session(lambda: self._stop is not None)
         if session is not None:
             self._wire.link(session)
+            self._linked(up=True)
+
+    def _linked(self, *, up: bool) -> None:
+        """Tell that the session with the others opened, or closed: all tokens come again."""
+        for lost_or_back in self._peers.router(up, clock.now()):
+            self._changed(lost_or_back)
 
     def _not_reached(self, why: str) -> None:
         self.log.write("still waiting for the router", level="warning", why=why)
@@ -303,8 +310,7 @@ class Shell:
                 for change in self._peers.token(item.agent, item.incarnation, item.alive, clock.now(), item.journal):
                     self._changed(change)
             case RouterSeen(up=up):
-                for lost_or_back in self._peers.router(up, clock.now()):
-                    self._changed(lost_or_back)
+                self._linked(up=up)
             case Ping():
                 self._pinged(item)
 

@@ -5,6 +5,7 @@ What the processes share goes to them as environment variables, ROCO_<OPTION>, t
 
 import contextlib
 import os
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +24,14 @@ from operate.supervisor.processes import Process, linked
 from operate.supervisor.securing import DAYS, Keys
 from operate.supervisor.shell import Shell, end_left
 from operate.system import NoSystemError, here
+from topdown.model.design import Design
+
+
+class Linking(StrEnum):
+    """Ways by which agents reach each other."""
+
+    ROUTER = "router"
+    DIRECT = "direct"
 
 
 def main(
@@ -36,6 +45,9 @@ def main(
     routers: Annotated[
         int, typer.Option(min=1, max=len(ROUTERS), help="2: linked, and the fleet goes on when one of them dies.")
     ] = 1,
+    links: Annotated[
+        Linking, typer.Option(help="direct: agents are linked with each other, and the router is for tools alone.")
+    ] = Linking.ROUTER,
     speed: Annotated[
         Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
     ] = Speed.REAL,
@@ -87,9 +99,9 @@ def main(
             folder.make(run, latest=latest)
             routing = tuple(process.name for process in processes if process.name in ROUTERS)
             two = routers > 1
-            # Given keys have the rights of agents that meet at the router.
-            whole = set(bound.design.agents) <= {process.name for process in processes}
-            direct = whole and not two and bool(routing) and (insecure or not keys)
+            direct = links is Linking.DIRECT
+            if direct:
+                linkable(bound.design, processes, routing, two=two, given=bool(keys) and not insecure)
             made = Keys(
                 run,
                 bound.design,
@@ -130,6 +142,22 @@ def main(
         processes = forking(processes)
         options[FORKS_VARIABLE] = str(run / FORKS_FILE)
         Shell(run, processes, system, made.own, os.environ | options, tend=made.tend, bound=bound, apart=apart).serve()
+
+
+def linkable(
+    design: Design, processes: tuple[Process, ...], routers: tuple[str, ...], *, two: bool, given: bool
+) -> None:
+    """Raise ValueError where agents cannot be linked directly: what they need is made here, for all of them."""
+    elsewhere = sorted(set(design.agents) - {process.name for process in processes})
+    if elsewhere or not routers:
+        lacking = ", ".join(elsewhere or ["router"])
+        raise ValueError(f"--links direct starts all agents and the router here; {lacking} would be elsewhere")
+    if two:
+        raise ValueError("--links direct wants one router: no agent needs it, so a second one is of no use")
+    if given:
+        raise ValueError(
+            "--links direct makes its keys; those of `roco keys make` are for agents that meet at a router"
+        )
 
 
 def chosen(only: str, processes: tuple[Process, ...]) -> tuple[Process, ...]:

@@ -1,6 +1,4 @@
-"""A fleet with wires, for `roco up --faults`: agents reach routers and each other by them, and have wall clocks of their
-own.
-"""
+"""A fleet with wires, for `roco up --faults`: agents reach routers and each other by them, and have own clocks."""
 
 from pathlib import Path
 

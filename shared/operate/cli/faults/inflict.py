@@ -34,7 +34,11 @@ def refuse(fleet: Target) -> None:
 def planned(
     fleet: Target, kind: str, name: str, at: str, amount: float = 0.0, speaker: str = "", what: str = ""
 ) -> Fault:
-    """Return a fault of a process that runs. Raise UsageError: no such process; FleetError: it does not run."""
+    """Return a fault of a process that runs, or of the link of two agents, such as co-pl.
+
+    Raise UsageError: no such process; FleetError: it does not run.
+    """
+    name, neighbour = ends(fleet, name) if KINDS[kind].wire else (name, "")
     one = named(fleet, name)
     if not one.status.pid or one.used is None:
         raise FleetError(f"{name} does not run in {fleet.where}; `roco agent start {name}` starts it")
@@ -43,6 +47,7 @@ def planned(
         id=f"{kind}-{name}-{time.time_ns():x}",
         kind=kind,
         target=name,
+        neighbour=neighbour,
         t=now,
         at=at,
         pid=one.status.pid,
@@ -53,6 +58,13 @@ def planned(
         speaker=speaker,
         what=what,
     )
+
+
+def ends(fleet: Target, name: str) -> tuple[str, str]:
+    """Return a process and "", or the two ends of a link that this names, such as co-pl."""
+    known = {one.name for one in fleet.look().seen}
+    first, _, second = name.partition("-")
+    return (first, second) if name not in known and {first, second} <= known else (name, "")
 
 
 class Inflicting:

@@ -132,11 +132,11 @@ def _frozen(for_s: float) -> Kind:
 
 
 def _wired(kind: str, amount: Amount | None = None) -> Kind:
-    """Return a fault of the wire of an agent."""
+    """Return a fault of the wires of an agent, or of one link."""
     return Kind(
-        lambda fleet, fault: fleet.wire(fault.target, kind, fault.amount or 1.0),
+        lambda fleet, fault: fleet.wire(fault.wire, kind, fault.amount or 1.0),
         _never_over,
-        lambda fleet, fault: fleet.wire(fault.target, kind, None),
+        lambda fleet, fault: fleet.wire(fault.wire, kind, None),
         WIRE_S,
         amount=amount,
         agents=True,

@@ -53,7 +53,7 @@ def run(
 def _look(fleet: Target, chosen: tuple[scenario.Chosen, ...]) -> None:
     """Raise UsageError before anything is done: a process or a moment that is not there."""
     for one in chosen:
-        named(fleet, one.target)
+        named(fleet, inflict.ends(fleet, one.target)[0])
         if isinstance(one.at, str):
             moments.parse(one.at, fleet.system.design, one.target)
 

@@ -136,16 +136,17 @@ restart = verb(
 )
 cut = verb(
     "cut",
-    """Cut the wire between an agent and the router, as if its plug were pulled; a router: all to it.
+    """Cut the wires of an agent, as if its plug were pulled; a router: all to it; AGENT-PEER: the link of the two.
 
     Examples:
       roco fault cut AGENT
+      roco fault cut AGENT-PEER
       roco fault cut AGENT --for 1 --at 5th-message
     """,
 )
 delay = verb(
     "delay",
-    """Delay what passes the wire of an agent, each way.
+    """Delay what passes the wires of an agent, each way.
 
     Examples:
       roco fault delay AGENT 0.2
@@ -153,7 +154,7 @@ delay = verb(
 )
 loss = verb(
     "loss",
-    """Lose a share of what passes the wire of an agent; TCP sends it again, later.
+    """Lose a share of what passes the wires of an agent; TCP sends it again, later.
 
     Examples:
       roco fault loss AGENT 0.05 --for 10
@@ -161,7 +162,7 @@ loss = verb(
 )
 rate = verb(
     "rate",
-    """Bound the rate of the wire of an agent.
+    """Bound the rate of the wires of an agent.
 
     Examples:
       roco fault rate AGENT 20000
@@ -169,7 +170,7 @@ rate = verb(
 )
 corrupt = verb(
     "corrupt",
-    """Turn over a bit in a share of what passes the wire of an agent.
+    """Turn over a bit in a share of what passes the wires of an agent.
 
     Examples:
       roco fault corrupt AGENT 0.01

@@ -20,6 +20,13 @@ from operate.cli.terminal.watch import Watch
 from operate.system import here
 
 
+class Linking(StrEnum):
+    """Ways by which agents reach each other."""
+
+    ROUTER = "router"
+    DIRECT = "direct"
+
+
 class Speed(StrEnum):
     """1: real time, always. max: simulated time advances during acts only, as fast as it can."""
 
@@ -59,6 +66,10 @@ def up(
     routers: Annotated[
         int, typer.Option(min=1, max=2, help="2: linked, and the fleet goes on when one of them dies.")
     ] = 1,
+    links: Annotated[
+        Linking,
+        typer.Option(help="direct: agents are linked with each other, and the router is for tools alone (new)."),
+    ] = Linking.ROUTER,
     wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,
     seconds: For = None,
     form: Form = Format.TEXT,
@@ -74,12 +85,14 @@ def up(
       roco up --only router,monitor,AGENT,PEER
       roco up --another second
       roco up --routers 2
+      roco up --links direct
       roco up --for 30
     """
     with problems(form), interrupts.heard():
         where = running_fleets.place(out, another, datetime.now())
         words = [*options(seed, speed, scene, insecure, faults=faults), *(["--only", only] if only else [])]
         words += ["--routers", str(routers)] if routers > 1 else []
+        words += ["--links", links.value] if links is not Linking.ROUTER else []
         if seconds is not None and not wait:
             raise UsageError("--for counts from when all are ready; leave --no-wait out")
         starting.check(words)

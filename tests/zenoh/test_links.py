@@ -1,0 +1,223 @@
+"""Agents that are linked directly: the router is for tools alone, and each agent has rules of its own.
+
+The depot as a person starts it, and bare sessions with the keys of its agents.
+"""
+
+import os
+import shutil
+import signal
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import msgspec
+import pytest
+import zenoh
+from test_faults import Depot
+from toy_fleet import wait_for
+
+from agent_runtime.io import issuing, secured
+from agent_runtime.io.heartbeat import Heartbeat
+from agent_runtime.io.run_files import KEYS_FOLDER
+from agent_runtime.io.sessions import client_config, close, free_endpoint, open_links
+from companion.design import DESIGN
+from operate.cli.fleet.local import Local
+from operate.run_folder import ProcessState
+from topdown.model.rights import families
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(150)]
+EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
+PATIENCE_S = 60.0
+SYSTEM = "roco"
+
+
+# --- the rules of one agent, against sessions with the keys of others ------------------------------------------------
+
+
+class Agents:
+    """Bare sessions with the keys of agents, linked as the design has it. `heard`: who said what each hears."""
+
+    def __init__(self, keys: Path, *names: str) -> None:
+        self.keys = keys
+        self.endpoints = {name: free_endpoint().replace("tcp/", "tls/") for name in names}
+        self.heard: dict[str, set[tuple[str, bytes]]] = {name: set() for name in names}
+        self.sessions = {name: self._open(name) for name in names}
+        self._declared = [
+            session.declare_subscriber(DESIGN.keys_to(SYSTEM, name), lambda sample, name=name: self._hear(name, sample))
+            for name, session in self.sessions.items()
+        ]
+
+    def _open(self, name: str) -> zenoh.Session:
+        """A session that is this agent, and dials those of its neighbours that are here."""
+        near = tuple(self.endpoints[peer] for peer in DESIGN.peers(name) if peer in self.endpoints)
+        tls, rules = secured.links_tls(self.keys, name), secured.links_of(self.keys, name)
+        return open_links(self.endpoints[name], near, tls, rules)
+
+    def _hear(self, name: str, sample: zenoh.Sample) -> None:
+        self.heard[name].add((str(sample.key_expr), sample.payload.to_bytes()))
+
+    def client(self, name: str, identity: str) -> zenoh.Session:
+        """A session with the key of an identity that dials one agent."""
+        return zenoh.open(client_config(self.endpoints[name], secured.client_tls(self.keys, identity)))
+
+    def close(self) -> None:
+        """End all sessions."""
+        self._declared.clear()
+        for session in self.sessions.values():
+            close(session)
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Keys of the companion's agents with direct links."""
+    folder = tmp_path_factory.mktemp("keys")
+    issuing.issue(folder, DESIGN, (SYSTEM,), direct=True)
+    return folder
+
+
+@pytest.fixture
+def line(keys: Path) -> Iterator[Agents]:
+    """co, pl, km, which are linked in a line."""
+    agents = Agents(keys, "co", "pl", "km")
+    yield agents
+    agents.close()
+
+
+def said(sender: str, receiver: str) -> str:
+    """The first key that the design lets one agent put to another."""
+    return next(one.key for one in families(DESIGN, SYSTEM) if one.act and (one.owner, one.peer) == (sender, receiver))
+
+
+def everything(session: zenoh.Session, data: bytes) -> None:
+    """Put this on every key that the design has for anybody."""
+    for family in families(DESIGN, SYSTEM):
+        if not family.token:
+            session.put(family.key, data)
+
+
+def reached(line: Agents, session: zenoh.Session, name: str, key: str) -> None:
+    """A word of a session has reached an agent, so that all it said before would have."""
+
+    def put() -> bool:
+        session.put(key, b"the last")
+        return (key, b"the last") in line.heard[name]
+
+    wait_for(put, f"{name} hears {key}")
+
+
+def test_an_agent_hears_its_neighbours_and_nothing_in_their_name(line: Agents) -> None:
+    """Whatever co puts, pl hears what the design lets co say to pl; km, to which pl could forward, hears nothing."""
+    co = line.sessions["co"]
+    reached(line, co, "pl", said("co", "pl"))
+    everything(co, b"co's")
+    reached(line, co, "pl", said("co", "pl"))
+    reached(line, line.sessions["pl"], "km", said("pl", "km"))
+    own = {one.key for one in families(DESIGN, SYSTEM) if one.act and (one.owner, one.peer) == ("co", "pl")}
+    assert {key for key, data in line.heard["pl"] if data == b"co's"} == own
+    assert {data for _, data in line.heard["km"]} == {b"the last"}
+
+
+@pytest.mark.parametrize("thief", ["hi", "ta", "console", "operator", "monitor", "page", "router"])
+def test_whose_key_has_no_channel_is_heard_nowhere(line: Agents, thief: str) -> None:
+    """Not as itself, and not as who may speak there; nobody forwards for it. The router's key may not even connect."""
+    with suppress(zenoh.ZError), line.client("pl", thief) as stranger:
+        everything(stranger, b"forged")
+    reached(line, line.sessions["co"], "pl", said("co", "pl"))
+    reached(line, line.sessions["pl"], "km", said("pl", "km"))
+    assert {data for name in ("co", "pl", "km") for _, data in line.heard[name]} == {b"the last"}
+
+
+def test_a_thief_with_a_neighbours_key_is_that_neighbour_and_nothing_more(line: Agents) -> None:
+    """A client with co's key at pl speaks as co to pl; pl forwards nothing of it."""
+    with line.client("pl", "co") as thief:
+        reached(line, thief, "pl", said("co", "pl"))
+        everything(thief, b"forged")
+        reached(line, thief, "pl", said("co", "pl"))
+    reached(line, line.sessions["pl"], "km", said("pl", "km"))
+    assert {key.split("/")[3:5] == ["co", "pl"] for key, _ in line.heard["pl"]} == {True}
+    assert b"forged" not in {data for name in ("co", "km") for _, data in line.heard[name]}
+
+
+# --- a depot ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def depot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Depot]:
+    """A depot whose agents are linked directly, with wires."""
+    folder = tmp_path_factory.mktemp("links") / "depot"
+    shutil.copytree(EXAMPLE, folder, ignore=shutil.ignore_patterns("runs", "__pycache__"))
+    made = Depot(folder)
+    try:
+        orders = folder / "many.toml"
+        orders.write_text((EXAMPLE / "depot/orders.toml").read_text() * 30)
+        made.roco("up", "--links", "direct", "--faults", "--scene", str(orders), "--out", str(made.run))
+        yield made
+    finally:
+        made.roco("down", "--run-dir", str(made.run))
+        made.end()
+
+
+def verb(depot: Depot, *words: str) -> None:
+    """A verb of `roco` on that depot."""
+    depot.roco(*words, "--run-dir", str(depot.run))
+
+
+def delivered(depot: Depot) -> int:
+    """How many orders were delivered, as the record has it."""
+    return (depot.run / "verdicts.jsonl").read_text().count('"text":"delivered ')
+
+
+def goes_on(depot: Depot) -> None:
+    """An order that is given from now on is delivered."""
+    before = delivered(depot)
+    wait_for(lambda: delivered(depot) >= before + 2, "two more orders are delivered", PATIENCE_S)
+
+
+def beat(depot: Depot, name: str) -> Heartbeat:
+    """An agent's last heartbeat."""
+    return msgspec.json.decode((depot.run / f"{name}.heartbeat.json").read_bytes(), type=Heartbeat)
+
+
+def test_no_agent_needs_the_router(depot: Depot) -> None:
+    """While it is away orders are delivered and recorded, and an agent that is killed then is linked again."""
+    goes_on(depot)
+    verb(depot, "agent", "stop", "router")
+    goes_on(depot)
+    os.kill(depot.seen("dispatcher").status.pid or 0, signal.SIGKILL)
+    goes_on(depot)
+    assert depot.seen("router").status.state is not ProcessState.READY
+    verb(depot, "agent", "start", "router")
+    verb(depot, "agent", "pause", "desk")  # tools reach agents again
+    verb(depot, "agent", "resume", "desk")
+    goes_on(depot)
+
+
+def test_a_cut_link_parts_two_agents_and_no_others(depot: Depot) -> None:
+    """The two take each other for gone, both have all their other neighbours, and meet again once it is healed."""
+    before = beat(depot, "dispatcher").peers
+    cut = depot.begin("fault", "cut", "mule-dispatcher", "--for", "30", "--run-dir", str(depot.run))
+    wait_for(lambda: "mule" not in beat(depot, "dispatcher").peers, "the dispatcher misses the mule", PATIENCE_S)
+    wait_for(lambda: "dispatcher" not in beat(depot, "mule").peers, "the mule misses the dispatcher", PATIENCE_S)
+    assert beat(depot, "dispatcher").peers == {name: life for name, life in before.items() if name != "mule"}
+    assert "traffic" in beat(depot, "mule").peers
+    verb(depot, "fault", "heal")
+    cut.communicate(timeout=PATIENCE_S)
+    wait_for(lambda: beat(depot, "dispatcher").peers == before, "they met again", PATIENCE_S)
+    goes_on(depot)
+
+
+def test_agents_are_linked_again_with_new_keys_and_not_with_a_revoked_one(depot: Depot) -> None:
+    """Each opens its links again, in the same life."""
+    lives, keys = beat(depot, "dispatcher").peers, depot.run / KEYS_FOLDER
+    depot.roco("keys", "revoke", "mule", "--keys", str(keys))
+    wait_for(lambda: "mule" not in beat(depot, "dispatcher").peers, "the revoked one is gone", PATIENCE_S)
+    assert beat(depot, "dispatcher").peers == {name: life for name, life in lives.items() if name != "mule"}
+    for file in keys.glob("router*.key"):  # the supervisor makes all keys again
+        file.unlink()
+    wait_for(lambda: beat(depot, "dispatcher").peers == lives, "all are linked, with new keys", PATIENCE_S)
+    goes_on(depot)
+
+
+def test_what_was_said_was_as_designed(depot: Depot) -> None:
+    """In all that was done to it here."""
+    assert {one.verdict for one in Local(depot.run).verdicts()} <= {"legal", "copy"}
