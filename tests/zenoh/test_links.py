@@ -8,6 +8,7 @@ import shutil
 import signal
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -43,7 +44,7 @@ class Agents:
         self.heard: dict[str, set[tuple[str, bytes]]] = {name: set() for name in names}
         self.sessions = {name: self._open(name) for name in names}
         self._declared = [
-            session.declare_subscriber(DESIGN.keys_to(SYSTEM, name), lambda sample, name=name: self._hear(name, sample))
+            session.declare_subscriber(DESIGN.keys_to(SYSTEM, name), partial(self._hear, name))
             for name, session in self.sessions.items()
         ]
 
@@ -164,7 +165,7 @@ def verb(depot: Depot, *words: str) -> None:
 
 def delivered(depot: Depot) -> int:
     """How many orders were delivered, as the record has it."""
-    return (depot.run / "verdicts.jsonl").read_text().count('"text":"delivered ')
+    return Path(depot.run, "verdicts.jsonl").read_text().count('"text":"delivered ')
 
 
 def goes_on(depot: Depot) -> None:
