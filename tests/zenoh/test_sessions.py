@@ -1,4 +1,7 @@
-"""There is no way around the router: every session is its client alone, listens nowhere and looks for nobody."""
+"""There is no way around the router: every session is its client alone, listens nowhere and looks for nobody.
+
+Except the links of an agent, which listens at its own address, dials its neighbours alone and looks for nobody either.
+"""
 
 import ast
 import json
@@ -15,7 +18,7 @@ from guarded import SYSTEM, Guarded
 from agent_runtime.io import sessions, tap
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.sessions import client_config, close, open_client, router_config
+from agent_runtime.io.sessions import client_config, close, links_config, open_client, router_config
 from agent_runtime.testing import stand_in
 from companion.binding import wiring
 
@@ -28,12 +31,12 @@ SOURCES = [
     if path.suffix == ".py" or room == "scripts"
     if path.is_file() and b"zenoh" in path.read_bytes() and path != Path(__file__).resolve()
 ]
-MAKERS = {"client_config", "router_config"}
+MAKERS = {"client_config", "links_config", "router_config"}
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_every_session_is_opened_with_our_configuration(path: Path) -> None:
-    """zenoh.open gets what client_config or router_config made, and nobody else makes a configuration."""
+    """zenoh.open gets what a function of sessions.py made, and nobody else makes a configuration."""
     text = path.read_text(encoding="utf-8")
     if path.suffix != ".py" and not text.startswith("#!/usr/bin/env python"):
         return
@@ -69,7 +72,10 @@ def test_a_client_listens_nowhere_and_looks_for_nobody(tls: dict[str, bool] | No
     assert json.loads(router.get_json("mode")) == "router"
     assert endpoints(router, "listen") == [address]
     assert not endpoints(router, "connect")
-    for config in (client, router):
+    links = links_config(address, ("tcp/a:1", "tcp/b:2"), tls)
+    assert json.loads(links.get_json("mode")) == "peer"
+    assert (endpoints(links, "listen"), endpoints(links, "connect")) == ([address], ["tcp/a:1", "tcp/b:2"])
+    for config in (client, router, links):
         for way in ("multicast", "gossip"):
             assert json.loads(config.get_json(f"scouting/{way}/enabled")) is False
 
