@@ -19,8 +19,11 @@ from toy_fleet import wait_for
 
 from agent_runtime.io import issuing, secured
 from agent_runtime.io.heartbeat import Heartbeat
+from agent_runtime.io.links import Links, NoEndpointError
+from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.sessions import client_config, close, free_endpoint, open_links
+from companion.binding import wiring
 from companion.design import DESIGN
 from operate.cli.fleet.local import Local
 from operate.run_folder import ProcessState
@@ -137,6 +140,14 @@ def test_a_thief_with_a_neighbours_key_is_that_neighbour_and_nothing_more(line: 
     reached(line, line.sessions["pl"], "km", said("pl", "km"))
     assert {key.split("/")[3:5] == ["co", "pl"] for key, _ in line.heard["pl"]} == {True}
     assert b"forged" not in {data for name in ("co", "km") for _, data in line.heard[name]}
+
+
+def test_an_agent_that_is_not_told_of_a_neighbour_says_so(keys: Path) -> None:
+    """Instead of being linked with the others alone."""
+    with pytest.raises(
+        NoEndpointError, match=r"no endpoint of hi, ta; it has co, pl, and co is linked with hi, pl, ta"
+    ):
+        Links(Options(keys=keys, agents={"co": "tls/h:1", "pl": "tls/h:2"}), wiring("co", SYSTEM))
 
 
 # --- a depot ----------------------------------------------------------------------------------------------------------

@@ -12,10 +12,9 @@ from typing import Annotated
 
 import typer
 
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import AGENTS_VARIABLE, Options
 
 _DEFAULT = Options()
-AGENTS_VARIABLE = "ROCO_AGENTS"
 
 
 class Level(StrEnum):

@@ -10,17 +10,28 @@ from typing import Any
 
 import zenoh
 
+from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.wiring import Wiring
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import AGENTS_VARIABLE, Options
 from agent_runtime.io.secured import age, client_tls, links_of, links_tls
 from agent_runtime.io.sessions import open_client, open_links
+
+
+class NoEndpointError(RuntimeFault):
+    """Nobody told where an agent is reached."""
 
 
 class Links:
     """Of one agent, at the endpoint that `options.agents` has for it."""
 
     def __init__(self, options: Options, wiring: Wiring) -> None:
-        """Raises KeysError where the keys or the rules of this agent are missing."""
+        """Raises KeysError where the keys or the rules of this agent are missing, NoEndpointError where an endpoint."""
+        unknown = [name for name in (wiring.agent, *wiring.peers) if name not in options.agents]
+        if unknown:
+            raise NoEndpointError(
+                f"{AGENTS_VARIABLE} has no endpoint of {', '.join(unknown)}; it has {', '.join(options.agents)}, and"
+                f" {wiring.agent} is linked with {', '.join(wiring.peers)}"
+            )
         self._keys, self._name = options.keys, wiring.agent
         self.at = options.agents[wiring.agent]
         self._neighbours = tuple(options.agents[peer] for peer in wiring.peers)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import msgspec
 
+AGENTS_VARIABLE = "ROCO_AGENTS"
 USAGE_ERROR = 2
 """Exit status of a service after a wrong option or environment: trying again cannot help, and no supervisor does."""
 

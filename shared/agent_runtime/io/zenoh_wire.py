@@ -117,12 +117,12 @@ class ZenohWire:
     def join(self, session: zenoh.Session) -> None:
         """Take orders in a session at the router, and say there what is for tools."""
         system, me = self._wiring.system, self._wiring.agent
+        self._tools = session  # before a recorder can ask for the log
         self._orders = [
             session.declare_subscriber(service_key(system, KIND, "*", me), self._on_order),
             session.declare_subscriber(service_key(system, WANTED, "*", me), self._on_wanted),
             *([session.liveliness().declare_token(self._life)] if self._direct else []),
         ]
-        self._tools = session
 
     # --- out ----------------------------------------------------------------------------------------------------------
 

@@ -12,9 +12,9 @@ from typing import Annotated
 import msgspec
 import typer
 
-from agent_runtime.io.cli import AGENTS_VARIABLE, Level, Speed
+from agent_runtime.io.cli import Level, Speed
 from agent_runtime.io.forked import FORKS_VARIABLE
-from agent_runtime.io.options import USAGE_ERROR
+from agent_runtime.io.options import AGENTS_VARIABLE, USAGE_ERROR
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
 from agent_runtime.io.secured import ROUTERS
 from operate.supervisor import folder, wiring
@@ -92,16 +92,15 @@ def main(
             possible = bound.addition("options")
             if possible is not None:
                 possible(tuple(process.name for process in processes), scene, seed)
+            routing = tuple(process.name for process in processes if process.name in ROUTERS)
+            two, direct = routers > 1, links is Linking.DIRECT
+            if direct:
+                linkable(bound.design, processes, routing, two=two, given=bool(keys) and not insecure)
             if check:
                 return
             stack.enter_context(kept(run))
             end_left(run, linked(bound.processes), system)
             folder.make(run, latest=latest)
-            routing = tuple(process.name for process in processes if process.name in ROUTERS)
-            two = routers > 1
-            direct = links is Linking.DIRECT
-            if direct:
-                linkable(bound.design, processes, routing, two=two, given=bool(keys) and not insecure)
             made = Keys(
                 run,
                 bound.design,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import msgspec
 
-from agent_runtime.io.cli import AGENTS_VARIABLE
+from agent_runtime.io.options import AGENTS_VARIABLE
 from operate.supervisor.processes import Process
 from operate.supervisor.securing import free_port
 from operate.wires import clocks, files

@@ -33,6 +33,12 @@ def supervisor(run: Path, *words: str) -> "subprocess.CompletedProcess[str]":
         (("--scene", "nowhere.toml"), "nowhere.toml"),
         (("--scene", "."), "directory"),
         (("--only", "nobody"), "supervisor: no process is called nobody"),
+        (
+            ("--links", "direct", "--only", "router,pl,km"),
+            "starts all agents and the router here; co, ex, hi, ta would",
+        ),
+        (("--links", "direct", "--routers", "2"), "--links direct wants one router"),
+        (("--links", "direct", "--keys", "given"), "--links direct makes its keys"),
     ],
 )
 def test_what_cannot_be_ends_it_before_anything_starts(tmp_path: Path, words: tuple[str, ...], said: str) -> None:

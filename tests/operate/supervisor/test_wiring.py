@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from agent_runtime.io.cli import AGENTS_VARIABLE, endpoints
+from agent_runtime.io.cli import endpoints
+from agent_runtime.io.options import AGENTS_VARIABLE
 from agent_runtime.io.secured import ROUTERS
 from companion.tools.system import SYSTEM
 from operate.supervisor import core
