@@ -106,13 +106,13 @@ VERBS: Table = {
             ".faults.verbs:restart",
             "End a process in order (SIGTERM) in the middle of its work, and wait until it is back.",
         ),
-        "fault cut": (".faults.verbs:cut", "Cut the wire between an agent and the router."),
-        "fault delay": (".faults.verbs:delay", "Delay what passes the wire of an agent."),
-        "fault loss": (".faults.verbs:loss", "Lose a share of what passes the wire of an agent."),
-        "fault rate": (".faults.verbs:rate", "Bound the rate of the wire of an agent."),
+        "fault cut": (".faults.verbs:cut", "Cut the wires of an agent, as if its plug were pulled."),
+        "fault delay": (".faults.verbs:delay", "Delay what passes the wires of an agent."),
+        "fault loss": (".faults.verbs:loss", "Lose a share of what passes the wires of an agent."),
+        "fault rate": (".faults.verbs:rate", "Bound the rate of the wires of an agent."),
         "fault corrupt": (
             ".faults.verbs:corrupt",
-            "Turn over a bit in a share of what passes the wire of an agent.",
+            "Turn over a bit in a share of what passes the wires of an agent.",
         ),
         "fault disk-full": (
             ".faults.verbs:disk_full",

@@ -38,7 +38,8 @@ def planned(
 
     Raise UsageError: no such process; FleetError: it does not run.
     """
-    name, neighbour = ends(fleet, name) if KINDS[kind].wire else (name, "")
+    wired = kind in KINDS and KINDS[kind].wire  # a system has kinds of its own, of no wire
+    name, neighbour = ends(fleet, name) if wired else (name, "")
     one = named(fleet, name)
     if not one.status.pid or one.used is None:
         raise FleetError(f"{name} does not run in {fleet.where}; `roco agent start {name}` starts it")
