@@ -9,7 +9,6 @@ the old ones.
 """
 
 import datetime as dt
-import json
 import stat
 from collections.abc import Sequence
 from pathlib import Path
@@ -98,17 +97,17 @@ def issue(
     until = None if keep_days is None else holding(places, rights, hosts)
     kept = until is not None and keep_days is not None and until >= begin + dt.timedelta(days=keep_days)
     if until is None or not kept:
-        links = _links(design, systems, places) if direct else {}
+        links = _links(design, systems) if direct else {}
         until = _make(folder, places, rights, begin, days, hosts, linked=linked, links=links)
     return Issued(str(folder), rights.systems, tuple(seat.name for seat in places), until, not kept)
 
 
-def _links(design: Design, systems: Sequence[str], places: Sequence[Seat]) -> dict[str, Rights]:
+def _links(design: Design, systems: Sequence[str]) -> dict[str, Rights]:
     """Return each agent's rules for its neighbours, by its common name."""
     found = {}
     for system in systems:
         names = {
-            seat.identity: seat.name for seat in places if seat.name in (seat.identity, f"{system}.{seat.identity}")
+            who: name for name, pairs in common_names(design, systems).items() for who, of in pairs if of == system
         }
         for agent in design.agents:
             found[names[agent]] = Rights((system,), links_control(design, system, agent, names))
@@ -140,9 +139,7 @@ def _make(
         joins = linked or seat.identity in ROUTERS[1:] or seat.name in links
         listening = hosts if routes or seat.name in links else ()
         if seat.name in links:
-            write_secret(
-                links_file(seat.folder, seat.identity), json.dumps(msgspec.to_builtins(links[seat.name])).encode()
-            )
+            write_secret(links_file(seat.folder, seat.identity), msgspec.json.encode(links[seat.name]))
         keys.issue(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=joins)
     return end
 

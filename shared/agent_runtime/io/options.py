@@ -1,5 +1,6 @@
 """Start options of every service; cli.py fills them from the command line and the environment."""
 
+from enum import StrEnum
 from pathlib import Path
 
 import msgspec
@@ -7,6 +8,13 @@ import msgspec
 AGENTS_VARIABLE = "ROCO_AGENTS"
 USAGE_ERROR = 2
 """Exit status of a service after a wrong option or environment: trying again cannot help, and no supervisor does."""
+
+
+class Linking(StrEnum):
+    """Ways by which agents reach each other."""
+
+    ROUTER = "router"
+    DIRECT = "direct"
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):

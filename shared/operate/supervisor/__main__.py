@@ -5,7 +5,6 @@ What the processes share goes to them as environment variables, ROCO_<OPTION>, t
 
 import contextlib
 import os
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +13,7 @@ import typer
 
 from agent_runtime.io.cli import Level, Speed
 from agent_runtime.io.forked import FORKS_VARIABLE
-from agent_runtime.io.options import AGENTS_VARIABLE, USAGE_ERROR
+from agent_runtime.io.options import AGENTS_VARIABLE, USAGE_ERROR, Linking
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
 from agent_runtime.io.secured import ROUTERS
 from operate.supervisor import folder, wiring
@@ -25,13 +24,6 @@ from operate.supervisor.securing import DAYS, Keys
 from operate.supervisor.shell import Shell, end_left
 from operate.system import NoSystemError, here
 from topdown.model.design import Design
-
-
-class Linking(StrEnum):
-    """Ways by which agents reach each other."""
-
-    ROUTER = "router"
-    DIRECT = "direct"
 
 
 def main(

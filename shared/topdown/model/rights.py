@@ -133,15 +133,7 @@ def access_control(
         rules |= {f"{one}.{ROUTER}": list(_neighbour(design, one, systems)) for one in systems}
     if routers > 1:
         rules |= {name: list(_joined(design, name, systems, systems)) for name in ROUTERS[:routers]}
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": [rule for found in rules.values() for rule in found],
-        "subjects": [{"id": name, "cert_common_names": [name]} for name in holders],
-        "policies": [
-            {"subjects": [name], "rules": [rule["id"] for rule in found]} for name, found in rules.items() if found
-        ],
-    }
+    return _control(rules)
 
 
 def links_control(design: Design, system: str, agent: str, names: dict[str, str]) -> dict[str, Any]:
@@ -150,23 +142,33 @@ def links_control(design: Design, system: str, agent: str, names: dict[str, str]
     A neighbour may put what the design lets it say to this agent, hear what this agent says to it, and see this agent's
     token; everything else is denied, also to clients that a neighbour forwards for. `names`: identity -> common name.
     """
-    neighbours = sorted(design.peers(agent))
-    rules = {names[one]: list(_linked(design, system, agent, one, names[one])) for one in neighbours}
+    every = families(design, system)
+    ways = ((one, _linked(design, system, every, agent, one, names[one])) for one in sorted(design.peers(agent)))
+    rules = {names[one]: list(found) for one, found in ways}
+    return _control(rules)
+
+
+def _control(rules: dict[str, list[dict[str, Any]]]) -> dict[str, Any]:
+    """Return the configuration of these rules, by the common name that they are for."""
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": [rule for found in rules.values() for rule in found],
         "subjects": [{"id": name, "cert_common_names": [name]} for name in rules],
-        "policies": [{"subjects": [name], "rules": [rule["id"] for rule in found]} for name, found in rules.items()],
+        "policies": [
+            {"subjects": [name], "rules": [rule["id"] for rule in found]} for name, found in rules.items() if found
+        ],
     }
 
 
-def _linked(design: Design, system: str, agent: str, neighbour: str, name: str) -> Iterator[dict[str, Any]]:
+def _linked(
+    design: Design, system: str, every: Sequence[Family], agent: str, neighbour: str, name: str
+) -> Iterator[dict[str, Any]]:
     """Rules of an agent for one neighbour: ingress is what that one sends."""
     both = {agent, neighbour}
     ways = ((neighbour, "ingress", "brings", "asks"), (agent, "egress", "takes", "is asked"))
     for owner, flow, brings, asks in ways:
-        own = [one for one in families(design, system) if one.owner == owner]
+        own = [one for one in every if one.owner == owner]
         said = [one.key for one in own if {one.owner, one.peer} == both]
         yield from _rule(f"{name} {brings} words", flow, ["put"], said)
         yield from _rule(f"{name} {brings} life", flow, ["liveliness_token"], [one.key for one in own if one.token])

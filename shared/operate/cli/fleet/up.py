@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from agent_runtime.io.options import Linking
 from operate.cli import completion, interrupts
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import running_fleets, starting, targets
@@ -18,13 +19,6 @@ from operate.cli.seeds import Seed
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.watch import Watch
 from operate.system import here
-
-
-class Linking(StrEnum):
-    """Ways by which agents reach each other."""
-
-    ROUTER = "router"
-    DIRECT = "direct"
 
 
 class Speed(StrEnum):
