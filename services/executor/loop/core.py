@@ -29,7 +29,7 @@ from companion.skills.loop_messages import (
     followed,
     refusal,
 )
-from services.executor.loop.act import Act
+from services.executor.loop.act import Act, Verdict
 from services.executor.loop.fingers import Fingers
 from services.executor.loop.grip_watch import GripWatch
 from services.executor.loop.payloads import Payloads
@@ -56,6 +56,7 @@ _SPEEDS = tuple(TOO_FAST.tolist())
 JOINT_OFF, HAND_OFF_M, HAND_OFF, FINGER_OFF = 0.06, 0.01, 0.03, 0.05
 """rad, m, rad, rad: at the end of a motion nothing is farther off than that. Twice and more the most in 304 motions of
 ten good runs (canonical, env2, doors): 0.028 rad of a joint, 4.4 mm and 0.009 rad of a hand, 0.015 rad of a finger."""
+JOINT_BESIDE = 0.4  # rad: on the way no joint is farther off; twice the most in 214 motions of six good runs (0.15)
 SERVO_SLACK = 0.1  # rad: a measured joint may be beyond its end by that, and become a set-point (estimate)
 _KINDS = (
     ("the head's pan", names.HEAD_LOWER[0], names.HEAD_UPPER[0], 1),
@@ -103,6 +104,13 @@ def _impossible_servo(servos: list[float]) -> str:
         if not least <= x <= most:
             return f"the set-point of {name} is {x:.3g} rad, possible are {least:.2f} to {most:.2f}"
     return ""
+
+
+def _not_followed(joints: Array, most: float) -> Facts:
+    """Return which part is farther than `most` [rad] from its set-point, () if none is. `joints` (15,): distances."""
+    worst = int(joints.argmax())
+    # The impedance moves the other joints of an arm for one that sticks: which one sticks is not known.
+    return (fact(Kind.NOT_FOLLOWED, BODY[worst].rsplit("_", 2)[0], joints[worst]),) if joints[worst] > most else ()
 
 
 class LoopCore:
@@ -365,32 +373,36 @@ class LoopCore:
         followed = act.track
         ends = zip(self._head_target.tolist(), self._head_goal.tolist(), strict=True)
         head_done = all(abs(target - goal) <= HEAD_NEAR for target, goal in ends)
-        if self.grips.alarmed:
+        joints = np.abs(state.q - self.setpoint)
+        if act.track is not None and (off := _not_followed(joints, JOINT_BESIDE)):
+            verdict: Verdict | None = (Phase.BLOCKED, off)
+            act.track = None
+        elif self.grips.alarmed:
             verdict = act.beside(error) or act.interrupt(self.grips.verdict)
         else:
             hands_done, pulled = self.fingers.at_rest, self.grips.pulled
             verdict = act.judge(state.time, error, hands_done=hands_done, head_done=head_done, pulled=pulled)
             done = verdict is not None and verdict[0] is Phase.DONE and not act.given_way
-            if done and (off := self._off(act.motion, state, error)):
+            if done and (off := self._off(act.motion, joints, error)):
                 verdict = act.wait(state.time, off)
         if act.track is not followed:  # so that no force remains: the set-point is where the body is
             self.setpoint = state.q.copy()
         if verdict is not None:
             self._end(*verdict)
 
-    def _off(self, asked: Motion, state: State, error: Array) -> Facts:
-        """Return what is not where the motion should have brought it, () where all is. `error` (12,): of both hands."""
-        joints = np.abs(state.q - self.setpoint)
-        worst = int(np.argmax(joints))
-        if joints[worst] > JOINT_OFF:
-            # The impedance moves the other joints of an arm for one that sticks: which one sticks is not known.
-            return (fact(Kind.NOT_FOLLOWED, BODY[worst].rsplit("_", 2)[0], joints[worst]),)
+    def _off(self, asked: Motion, joints: Array, error: Array) -> Facts:
+        """Return what is not where the motion should have brought it, () where all is.
+
+        `joints` (15,), `error` (12,): how far joints and hands are from their set-points.
+        """
+        if off := _not_followed(joints, JOINT_OFF):
+            return off
         for row, (side, command) in enumerate(zip(names.SIDES, asked.hands(), strict=True)):
             away, turned = (float(np.linalg.norm(error[at : at + 3])) for at in (6 * row, 6 * row + 3))
             if away > HAND_OFF_M or turned > HAND_OFF:
                 return (fact(Kind.HAND_OFF, side, away, turned),)
             if isinstance(command, Move):
-                bent = np.abs(state.proximal[row] - command.fingers)
+                bent = np.abs(self.state.proximal[row] - command.fingers)
                 if bent.max() > FINGER_OFF:
                     number = int(np.argmax(bent)) + 1
                     return (fact(Kind.FINGER_NOT_FOLLOWED, side, number, bent.max()),)

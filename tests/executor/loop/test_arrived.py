@@ -6,7 +6,7 @@ from grips import DYNAMICS
 
 from companion.languages.facts import Kind
 from companion.skills.loop_messages import Move, Phase, motion
-from services.executor.loop.core import JOINT_OFF, LoopCore
+from services.executor.loop.core import JOINT_BESIDE, JOINT_OFF, LoopCore
 from velma.model import scene
 from velma.names import BODY
 from velma.sim.mujoco_backend import MujocoBackend
@@ -53,6 +53,17 @@ def test_an_arm_with_a_joint_that_sticks_is_named(joint, core):
     np.testing.assert_allclose(core.setpoint, core.state.q, atol=NEAR_RAD)
     other = 2 if joint != 2 else 9
     assert core.begin(turn(core, other, 0.1)) is None
+
+
+@pytest.mark.parametrize("joint", [0, 4, 11])
+def test_a_joint_that_stays_behind_ends_the_motion_on_the_way(joint, core):
+    """Before the end of the path, whatever the hands are allowed."""
+    assert stick(core, BODY[joint])
+    way, seconds = turn(core, joint, 0.9, 3.0), 3.0
+    report = core.run(motion("turn", way.path(), tolerance_m=10.0))
+    assert (report.phase, report.why[0].kind) == (Phase.BLOCKED, Kind.NOT_FOLLOWED)
+    assert report.time_s < seconds
+    assert report.why[0].numbers[0] < 2 * JOINT_BESIDE
 
 
 def test_a_joint_that_sticks_a_little_less_far_than_is_tolerated_is_there(core):

@@ -71,7 +71,7 @@ def tiltings(
     stream: Stream,
     rng: np.random.Generator,
     *,
-    tries: int = 1500,
+    tries: int,
 ) -> Iterator[Tilting]:
     """Yield solved tilts; the jar is attached to the hand in `world`, the torso is at rest in each."""
     for _ in range(tries):
