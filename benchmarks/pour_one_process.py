@@ -158,7 +158,7 @@ class Run:
         return self.carry_out(POUR)
 
     def carry_out(self, task: hfsm.Task) -> Facts:
-        """Do a task; return why it failed, with what nobody has checked, or nothing."""
+        """Do a task; return why it failed, and what nobody has checked, as ta does."""
         why: Facts = ()
         for _ in range(MOST_PLANS):
             self.planned += 1
@@ -169,7 +169,7 @@ class Run:
                 task = SETTLING[task.name](*task.arguments).settled(plan) or task
             outcome, why = self.follow(plan)
             if outcome is not hfsm.Outcome.REPLAN:
-                return () if outcome is hfsm.Outcome.SUCCEEDED else (*why, *not_checked(self.evidence))
+                return (*(why if outcome is hfsm.Outcome.FAILED else ()), *not_checked(self.evidence))
         return (fact(Kind.GIVEN_UP, MOST_PLANS, *why),)
 
 

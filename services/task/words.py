@@ -41,14 +41,16 @@ def observations(outcome: rc.Done | rc.NotDone, known: tuple[Evidence, ...] = ()
 
 def known_after(known: tuple[Evidence, ...], outcome: rc.Done | rc.NotDone) -> tuple[Evidence, ...]:
     """Return what is known after an act. A thing that stands where it was put is checked by any act that sees it: ex
-    would have told that it fell over or is elsewhere.
+    would have told that it fell over or is elsewhere. Whether a hand holds what its wrist does not feel is not checked.
     """
     held = {name for name, _, _ in outcome.held.values()}
     put = {one.of for one in known if one.claim is Claim.STANDS}
-    done = isinstance(outcome, rc.Done)
-    seen = (one for one in outcome.seen if done and one.object in put and one.object not in held)
+    seen = (one for one in outcome.seen if one.object in put and one.object not in held)
     stands = (Evidence(Claim.STANDS, one.object, (Sense.EYES,), one.at, _within(one)) for one in seen)
-    return newest((*known, *stands), outcome.evidence if isinstance(outcome, rc.Done) else (), held)
+    if isinstance(outcome, rc.Done):
+        return newest((*known, *stands), outcome.evidence, held)
+    doubted = (Evidence(Claim.HELD, one.things[0]) for one in outcome.why if one.kind is Kind.WRIST_DOUBTED)
+    return newest(known, doubted, held)
 
 
 def _within(seen: rs.Seen) -> float:

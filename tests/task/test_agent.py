@@ -295,6 +295,22 @@ def test_what_nobody_saw_standing_is_told_so_until_it_is_seen(looked: bool) -> N
     assert scene.hears("co", 4).evidence == ((by,) if looked else (PUT,))
 
 
+def test_what_a_wrist_does_not_feel_is_not_checked_to_be_in_the_hand() -> None:
+    """Fingers told so when they closed on it, then the wrist told otherwise. Nothing told which of them is right."""
+    scene, at = Scene(), Pose((0.0, 0.0, 0.12))
+    held = {Side.LEFT: ("jar_1", "19", at)}
+    move = hfsm.Arc(hfsm.Outcome.SUCCEEDED, "home")
+    scene.start(plan(hfsm.ActState("look", LOOK, (move,)), hfsm.ActState("home", HOME)))
+    scene.hears("ex", 1)
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    by = Evidence(Claim.HELD, "jar_1", (Sense.FINGERS,), 3.0)
+    scene.ex(P.INFORM, rc.Done(LOOK.key, BODY, held=held, evidence=(by,)))
+    scene.hears("ex", 2)
+    doubted = (fact(Kind.WRIST_DOUBTED, Side.LEFT, "jar_1"),)
+    scene.ex(P.FAILURE, rc.NotDone(HOME.key, rc.NotDoneKind.REPLAN, doubted, BODY, held=held), number=1)
+    assert scene.hears("co", 3).evidence == (Evidence(Claim.HELD, "jar_1"),)
+
+
 ILL = (rc.Ill(rc.Sensor.LEFT_WRIST, rc.Fault.ZERO),)
 FEELS_NOTHING = fact(Kind.ILL, rc.Sensor.LEFT_WRIST, rc.Fault.ZERO, 0.0)
 

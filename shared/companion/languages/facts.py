@@ -75,7 +75,7 @@ class Kind(AnyKind):
     LOST = "lost", "side a"
     FEELS_LITTLE = "feels-little", "side x:kg"
     SLIPS = "slips", "side x:kg"
-    WRIST_DOUBTED = "wrist-doubted", "side a"  # it does not feel what is there
+    WRIST_DOUBTED = "wrist-doubted", "side a"  # it alone tells that the hand is empty
     TOUCHED = "touched", "side a x:fingers"
     # Where things stand
     INSIDE_ANOTHER = "inside-another", "a"

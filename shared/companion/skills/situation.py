@@ -304,6 +304,12 @@ class Situation:
         self._note(held.object, None)
         self.world.detach(held.object, pose)
 
+    def leave(self, name: str) -> None:
+        """Note that a hand is about to leave what it let go of: what was seen of it before tells nothing of then."""
+        self.placed[name] = self.time
+        self.looked_at.discard(name)
+        self._note(name, None)
+
     def lose(self, side: str) -> str:
         """Note that the hand is empty, and that nobody knows where the object is; return its name."""
         name = self.held.pop(side).object

@@ -139,6 +139,7 @@ def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
     with attaching.allowed(here.world, (object_name, f"{side}_hand")):
         path = backing.way_out(here.robot, here.world, side, here.q, retreat_poses(grip, _retreat(command)))
     way, watch = own_paths.rest(here, path), here.put[object_name].translation
+    here.leave(object_name)
     yield from despite_cancel(lambda: motions.along(here, command.key, way, RETREAT_SPEED, watch=watch))
 
 
