@@ -1,7 +1,8 @@
 """Fleets of router, km and pl side by side, as shipped and with parts of it left out, and bare gets: asked by turns.
 
 `SHIPPED` is what `roco up` starts: mutual TLS, the rights of the design, the monitor, which records, judges and draws,
-and all files on disk. The others say what its parts cost. `BARE` is a get of as many bytes through a router of its own.
+and all files on disk. `DIRECT` is the same with `--links direct`. The others say what its parts cost. `BARE` is a get of
+as many bytes through a router of its own.
 """
 
 import os
@@ -32,18 +33,20 @@ class NotThereError(Exception):
 
 
 class Kind(msgspec.Struct, frozen=True):
-    """Kind of fleet. `bare`: two sessions instead of agents."""
+    """Kind of fleet. `bare`: two sessions instead of agents; `direct`: the agents are linked with each other."""
 
     name: str
     secured: bool = False
     monitored: bool = False
     bare: bool = False
+    direct: bool = False
 
 
 BARE = Kind("bare get", bare=True)
 SHIPPED = Kind("as shipped", secured=True, monitored=True)
+DIRECT = Kind("direct links", secured=True, monitored=True, direct=True)
 PARTS = (Kind("plain, no monitor"), Kind("TLS and rights, no monitor", secured=True), Kind("plain", monitored=True))
-KINDS = (BARE, *PARTS, SHIPPED)
+KINDS = (BARE, *PARTS, SHIPPED, DIRECT)
 
 
 class Fleet:
@@ -57,8 +60,11 @@ class Fleet:
         self._run, self._script = run, script
         self._address = free_endpoint().replace("tcp/", "tls/" if kind.secured else "tcp/")
         if kind.secured:
-            issuing.issue(run / "keys", DESIGN, systems)
+            issuing.issue(run / "keys", DESIGN, systems, direct=kind.direct)
         told = {"LISTEN": self._address, "CONNECT": self._address, "RUN_DIR": str(run), "SYSTEM": SYSTEM}
+        if kind.direct:
+            agents = ((name, free_endpoint().replace("tcp/", "tls/")) for name in DESIGN.agents)
+            told["AGENTS"] = ",".join(f"{name}={endpoint}" for name, endpoint in agents)
         told |= {"TLS_DIR": str(run / "keys") if kind.secured else "", "LOG_LEVEL": "warning"}
         self._environment = os.environ | {f"ROCO_{name}": value for name, value in told.items()}
         self._started: list[subprocess.Popen[bytes]] = []

@@ -30,8 +30,9 @@ from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Local, Received
 from agent_runtime.core.turn import Turn
 from agent_runtime.io import shell
+from agent_runtime.io.cli import endpoints
 from agent_runtime.io.devices import Post
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import AGENTS_VARIABLE, Options
 from agent_runtime.io.sessions import client_config, keep_memory
 from companion.all_languages import LANGUAGES
 from companion.binding import wiring
@@ -279,7 +280,8 @@ def main(name: str, address: str, run: Path, out: int) -> int:
         return getter(address, out)
     keys = Path(os.environ["ROCO_TLS_DIR"]) if os.environ.get("ROCO_TLS_DIR") else None
     system = os.environ.get("ROCO_SYSTEM", SYSTEM)
-    options = Options(connect=address, run_dir=run, system=system, log_level="error", keys=keys)
+    agents = endpoints(os.environ.get(AGENTS_VARIABLE, ""))
+    options = Options(connect=address, run_dir=run, system=system, log_level="error", keys=keys, agents=agents)
     if name == "km":
         return shell.run(km(), wiring("km", system), options, lambda post: Store())
     return shell.run(pl(), wiring("pl", system), options, lambda post: Turns(post, out))

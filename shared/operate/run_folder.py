@@ -270,7 +270,8 @@ class ProcessStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 class Fleet(msgspec.Struct, frozen=True):
     """fleet.json, rewritten whole by the supervisor whenever something changes.
 
-    `entry`, `project`: the system (operate.system): `module:NAME`, and the folder it is imported from.
+    `entry`, `project`: the system (operate.system): `module:NAME`, and the folder it is imported from. `agents`: where
+    each agent is reached, if they are linked with each other.
     """
 
     system: str
@@ -280,6 +281,7 @@ class Fleet(msgspec.Struct, frozen=True):
     processes: tuple[ProcessStatus, ...]
     entry: str = ""
     project: str = ""
+    agents: dict[str, str] = {}
 
 
 class ViewAddress(msgspec.Struct, frozen=True):

@@ -230,6 +230,25 @@ def test_agents_are_linked_again_with_new_keys_and_not_with_a_revoked_one(depot:
     goes_on(depot)
 
 
+def test_copies_in_the_name_of_an_agent_reach_its_neighbour(depot: Depot) -> None:
+    """The flood dials the agent with the speaker's key; the copies are dropped, and the work goes on."""
+    verb(depot, "fault", "flood", "traffic", "--as", "mule", "--per-second", "50", "--for", "2")
+    wait_for(lambda: beat(depot, "traffic").counts.get("taken before", 0) > 20, "traffic drops copies", PATIENCE_S)
+    goes_on(depot)
+
+
+def test_a_person_speaks_in_the_place_of_an_agent_that_is_down(depot: Depot) -> None:
+    """As that agent it is linked with its neighbours and hears their answers. While the agent lives it is refused."""
+    words = ("--as", "mule", "--to", "traffic", "--protocol", "passage", "--performative", "request")
+    say = ("send", *words, "--content", '{"type":"Enter","goal":"shelf_1"}', "--run-dir", str(depot.run))
+    assert "mule lives" in depot.roco(*say, code=1)
+    verb(depot, "agent", "stop", "mule")
+    said = depot.roco(*say)
+    verb(depot, "agent", "start", "mule")
+    assert "traffic > mule  agree" in said
+    assert "receipted by traffic" in said
+
+
 def test_what_was_said_was_as_designed(depot: Depot) -> None:
     """In all that was done to it here; what a cut holds up is slow or late."""
     assert {one.verdict for one in Local(depot.run).verdicts()} <= {"legal", "copy", "slow", "late"}

@@ -47,7 +47,7 @@ class Stage:
         until = time.monotonic() + patience_s
         session = open_client(self.endpoint, lambda: time.monotonic() > until)
         if session is None:
-            raise StandInError(f"no router answers at {self.endpoint}", lives=False)
+            raise StandInError(f"nobody answers at {self.endpoint}", lives=False)
         self._session = session
         self._born = OneReaderQueue[str]()
         self._watch = session.liveliness().declare_subscriber(service_key(system, "alive", "*", "*"), self._seen)
@@ -85,7 +85,7 @@ class Cast:
         until = time.monotonic() + patience_s
         session = open_client(endpoint, lambda: time.monotonic() > until)
         if session is None:
-            raise StandInError(f"no router answers at {endpoint}", lives=False)
+            raise StandInError(f"nobody answers at {endpoint}", lives=False)
         self._session, self._wiring = session, wiring
         self._heard = OneReaderQueue[Communicate]()
         self._numbers = dict.fromkeys(wiring.peers, 0)

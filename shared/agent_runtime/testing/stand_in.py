@@ -6,6 +6,7 @@ will not see it. It keeps no conversation: the agent's next life knows of none.
 """
 
 import time
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from queue import Empty
@@ -24,6 +25,7 @@ from agent_runtime.core.wiring import Delivery, Wiring, parse_life, service_key
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.incoming import NAMELESS, Bytes, Ping, ReceiptBytes, Token
 from agent_runtime.io.journal import Journal, journal_file, new_name
+from agent_runtime.io.links import Links
 from agent_runtime.io.message_size import put
 from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.sessions import open_client
@@ -34,11 +36,11 @@ from fipa_codec.errors import MalformedError
 FIRST_MEMORY = msgspec.Raw(b"\x80")
 """An empty map: memory of an agent that never lived, each field its default."""
 LOOK_S = 1.0
-"""Longest wait for liveliness tokens [s]; estimate: the router answers within ms."""
+"""Longest wait for liveliness tokens [s]; estimate: they come within ms, and links within 0.2 s."""
 
 
 class StandInError(RuntimeFault):
-    """The agent `lives`, or (else) no router answers."""
+    """The agent `lives`, or (else) nobody answers."""
 
     def __init__(self, what: str, *, lives: bool) -> None:
         self.what, self.lives = what, lives
@@ -51,7 +53,10 @@ class Voice:
     def __init__(
         self, endpoint: str, keys: tuple[str, ...], *, patience_s: float = 5.0, tls: dict[str, Any] | None = None
     ) -> None:
-        """Raises StandInError where no router answers in time. `tls`: secured.client_tls of whose voice it is."""
+        """Dial a router, or the agent that is to hear. `tls`: secured.client_tls of whose voice it is.
+
+        Raises StandInError where nobody answers in time.
+        """
         self._session = _opened(endpoint, patience_s, tls)
         self._heard = OneReaderQueue[bytes]()
         self._declared = [
@@ -86,14 +91,17 @@ class StandIn:
         wiring: Wiring,
         start: str,
         run: Path,
-        endpoint: str,
+        at: str | Links,
         *,
         patience_s: float = 5.0,
         tls: dict[str, Any] | None = None,
     ) -> None:
-        """Raises JournalError where the agent's process has the journal, StandInError where it lives elsewhere."""
-        self._wiring, self._inbox = wiring, Inbox()
-        self._session = _opened(endpoint, patience_s, tls)
+        """`at`: the router, or the agent's links with its neighbours.
+
+        Raises JournalError where the agent's process has the journal, StandInError where it lives elsewhere.
+        """
+        self._wiring, self._inbox, self._early = wiring, Inbox(), deque[Any]()
+        self._session = _opened(at, patience_s, tls) if isinstance(at, str) else _linked(at, wiring.agent)
         try:
             there = living(self._session, wiring.system, wiring.agent)
             if there:
@@ -105,9 +113,14 @@ class StandIn:
         self._record = _record(self._journal.last, wiring.agent, start)
         self._record.incarnation += 1
         self._keep()
-        self._wire = ZenohWire(self._session, wiring, self._record.incarnation, self._inbox, self._record.journal)
+        direct = isinstance(at, Links)
+        self._wire = ZenohWire(
+            self._session, wiring, self._record.incarnation, self._inbox, self._record.journal, direct=direct
+        )
         self._wire.knows(self._record.journals)
         self._due = 0.0
+        if direct:
+            self._meet(time.time() + LOOK_S)
 
     @property
     def incarnation(self) -> int:
@@ -147,7 +160,8 @@ class StandIn:
         """
         seen: set[tuple[str, str]] = set()
         while (left := until - time.time()) > 0 and (not unless_receipted or self.unreceipted(unless_receipted)):
-            item = self._inbox.get(min(left, max(0.0, self._due - time.time()) or left))
+            wait = min(left, max(0.0, self._due - time.time()) or left)
+            item = self._early.popleft() if self._early else self._inbox.get(wait)
             match item:
                 case Bytes():
                     one = self._taken(item)
@@ -161,6 +175,14 @@ class StandIn:
                 case Ping(pong=False):
                     self._wire.ping(item.peer, item.channel, pong=True)
             self._resend()
+
+    def _meet(self, until: float) -> None:
+        """Wait until all neighbours are linked: what is said before, and is not said again, reaches nobody."""
+        missing = set(self._wiring.peers)
+        while missing and (left := until - time.time()) > 0 and (item := self._inbox.get(left)) is not None:
+            self._early.append(item)
+            if isinstance(item, Token) and item.alive:
+                missing.discard(item.agent)
 
     def close(self) -> None:
         """Die in order."""
@@ -247,8 +269,15 @@ def _opened(endpoint: str, patience_s: float, tls: dict[str, Any] | None) -> zen
     until = time.monotonic() + patience_s
     session = open_client(endpoint, lambda: time.monotonic() > until, tls=tls)
     if session is None:
-        raise StandInError(f"no router answers at {endpoint}", lives=False)
+        raise StandInError(f"nobody answers at {endpoint}", lives=False)
     return session
+
+
+def _linked(links: Links, agent: str) -> zenoh.Session:
+    try:
+        return links.open()
+    except zenoh.ZError as error:
+        raise StandInError(f"{agent} lives: {links.at} is taken", lives=True) from error
 
 
 def _record(last: bytes | None, agent: str, start: str) -> Record:

@@ -132,7 +132,18 @@ def main(
             apart |= wires
         processes = forking(processes)
         options[FORKS_VARIABLE] = str(run / FORKS_FILE)
-        Shell(run, processes, system, made.own, os.environ | options, tend=made.tend, bound=bound, apart=apart).serve()
+        shell = Shell(
+            run,
+            processes,
+            system,
+            made.own,
+            os.environ | options,
+            tend=made.tend,
+            bound=bound,
+            apart=apart,
+            agents=made.agents,
+        )
+        shell.serve()
 
 
 def linkable(

@@ -54,12 +54,13 @@ class Shell:
         tend: Callable[[], None] | None = None,
         bound: System | None = None,
         apart: Mapping[str, Mapping[str, str]] | None = None,
+        agents: dict[str, str] | None = None,
     ) -> None:
         self.run = run
         self.system = system
         self.connect = connect
         self.environment = {FLEET_VARIABLE: uuid.uuid4().hex, **environment}
-        self.apart = apart or {}
+        self.apart, self.agents = apart or {}, agents or {}
         self.command = command or python_module
         self.tend = tend or (lambda: None)
         self.entry, self.project = (bound.entry, bound.project) if bound is not None else ("", "")
@@ -124,7 +125,7 @@ class Shell:
                 self.fleet = core.take(self.fleet, outcome, now)
         if self.fleet.status != before or actions or not (self.run / "fleet.json").exists():
             told = (self.system, self.connect, os.getpid(), self.started, self.fleet.status)
-            self.files.tell(FleetFile(*told, entry=self.entry, project=self.project))
+            self.files.tell(FleetFile(*told, entry=self.entry, project=self.project, agents=self.agents))
 
     def _wait(self) -> None:
         """Wait until the next look: longer while all is well, unless a child ends."""

@@ -34,7 +34,7 @@ def going_on(fleet: Target, fault: Fault) -> Iterator[None]:
     speaker, over = fault.speaker or OPERATOR, threading.Event()
     for agent in {fault.target, speaker} - {OPERATOR}:
         operator.agent_of(fleet, agent)
-    with fleet.speaking(speaker) as put:
+    with fleet.speaking(speaker, fault.target) as put:
         following = _orders(fleet, fault) if speaker == OPERATOR else _copies(fleet, fault)
         flooding = threading.Thread(target=_flood, args=(put, following, fault.amount, over), daemon=True)
         flooding.start()
@@ -51,7 +51,7 @@ def _flood(put: Put, following: Next, per_second: float, over: threading.Event) 
     while not over.wait(TICK_S):
         while said < per_second * (time.monotonic() - began) and not over.is_set():
             said += 1
-            with contextlib.suppress(Exception):  # a router that is down takes nothing: the flood goes on
+            with contextlib.suppress(Exception):  # who is down takes nothing: the flood goes on
                 put(*following())
 
 

@@ -219,7 +219,7 @@ class Compose:
         """A session of the operator: each put is a container of its own, with the operator's keys and no others."""
         yield self._put
 
-    def speaking(self, identity: str) -> AbstractContextManager[Callable[[str, bytes], None]]:
+    def speaking(self, identity: str, to: str) -> AbstractContextManager[Callable[[str, bytes], None]]:
         """Raise FleetError: keys of containers stay in them."""
         raise FleetError(f"the keys of {self.where} stay in its containers; flood a local fleet: `roco up`")
 

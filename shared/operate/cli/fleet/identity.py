@@ -20,10 +20,16 @@ def tls(run: Path, fleet: Fleet, identity: str) -> dict[str, Any] | None:
     """Return the TLS options by which a session identifies itself; None if the fleet has no keys. Raises ConsoleError
     if key files are missing.
     """
-    if not fleet.connect.startswith("tls/"):
-        return None
-    folder = os.environ.get(KEYS_VARIABLE)
+    keys = folder(run, fleet)
     try:
-        return client_tls(Path(folder) if folder else run / KEYS_FOLDER, identity)
+        return client_tls(keys, identity) if keys else None
     except RuntimeFault as error:
         raise ConsoleError(str(error)) from error
+
+
+def folder(run: Path, fleet: Fleet) -> Path | None:
+    """Return the folder of the fleet's keys; None if it has none."""
+    if not fleet.connect.startswith("tls/"):
+        return None
+    told = os.environ.get(KEYS_VARIABLE)
+    return Path(told) if told else run / KEYS_FOLDER

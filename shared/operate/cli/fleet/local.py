@@ -136,13 +136,13 @@ class Local:
 
     def operating(self) -> AbstractContextManager[Callable[[str, bytes], None]]:
         """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be had."""
-        return self.speaking(OPERATOR)
+        return self.speaking(OPERATOR, "")
 
-    def speaking(self, identity: str) -> AbstractContextManager[Callable[[str, bytes], None]]:
-        """A session with the keys of an identity. ConsoleError: it cannot be had."""
+    def speaking(self, identity: str, to: str) -> AbstractContextManager[Callable[[str, bytes], None]]:
+        """A session with the keys of an identity, in which an agent hears. ConsoleError: it cannot be had."""
         from operate.cli.fleet import operating  # most verbs need no session
 
-        return operating.session(self.run, identity)
+        return operating.session(self.run, identity, to)
 
     def logging(self) -> tuple[str, ...]:
         """The processes that have a log of JSON lines."""

@@ -1,4 +1,4 @@
-"""A session of the operator, or of another identity, to the router of a fleet, by which orders are put.
+"""A session of the operator, or of another identity, to a fleet: to its router, by which orders are put, or an agent.
 
 `python -m operate.cli.fleet.operating KEY HEX` puts one, in a container beside the agents.
 """
@@ -23,16 +23,20 @@ from operate.cli.runs import folders
 
 CONNECT_VARIABLE = "ROCO_CONNECT"
 ROUTER_S = 5.0
-"""Time to wait for a router [s] (estimate: it answers in milliseconds)."""
+"""Time to wait for an answer [s] (estimate: it takes milliseconds)."""
 
 
 @contextmanager
-def session(run: Path, who: str = OPERATOR) -> Iterator[Callable[[str, bytes], None]]:
-    """Return what puts data on a key. Raises FleetError: no router answers; ConsoleError: keys are missing."""
+def session(run: Path, who: str = OPERATOR, to: str = "") -> Iterator[Callable[[str, bytes], None]]:
+    """Return what puts data on a key. `to`: an agent that is to hear it; one that it is linked with is dialled.
+
+    Raises FleetError: nobody answers; ConsoleError: keys are missing.
+    """
     fleet = folders.living(run)
     if fleet is None:
         raise FleetError(f"nothing runs in {run}; `roco up` starts a fleet")
-    with _session(fleet.connect, identity.tls(run, fleet, who)) as put:
+    at = fleet.agents.get(to, fleet.connect) if who in fleet.agents else fleet.connect
+    with _session(at, identity.tls(run, fleet, who)) as put:
         yield put
 
 
@@ -41,7 +45,7 @@ def _session(connect: str, tls: dict[str, Any] | None) -> Iterator[Callable[[str
     until = time.monotonic() + ROUTER_S
     opened = open_client(connect, lambda: time.monotonic() > until, tls=tls)
     if opened is None:
-        why = why_not(connect, tls) or f"the router at {connect} opens no session"
+        why = why_not(connect, tls) or f"{connect} opens no session"
         raise FleetError(f"{why}; `roco status` says whether it runs")
     try:
         yield lambda key, data: message_size.put(opened, key, data)

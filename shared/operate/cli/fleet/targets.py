@@ -104,8 +104,8 @@ class Target(Protocol):
     def operating(self) -> AbstractContextManager[Put]:
         """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be had."""
 
-    def speaking(self, identity: str) -> AbstractContextManager[Put]:
-        """A session with the keys of an identity. ConsoleError: it cannot be had."""
+    def speaking(self, identity: str, to: str) -> AbstractContextManager[Put]:
+        """A session with the keys of an identity, in which an agent hears. ConsoleError: it cannot be had."""
 
     def logging(self) -> tuple[str, ...]:
         """The processes that have a log of JSON lines."""

@@ -9,7 +9,7 @@ from typing import TypeVar
 import msgspec
 
 from agent_runtime.io.fleet_processes import started_in
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import AGENTS_VARIABLE, Options
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD
 from operate.cli.errors import NoRunError
 from operate.run_folder import FLEET_FILE, LATEST, LOCK_FILE, Fleet, ProcessState, ProcessStatus
@@ -84,7 +84,12 @@ def living(run: Path) -> Fleet | None:
 def around() -> Fleet | None:
     """The fleet that the environment tells of: in a container no supervisor does. None: nor does the environment."""
     connect = os.environ.get("ROCO_CONNECT")
-    return Fleet(os.environ.get("ROCO_SYSTEM", Options().system), connect, 0, 0.0, ()) if connect else None
+    if not connect:
+        return None
+    from agent_runtime.io.cli import endpoints  # most verbs need it not
+
+    agents = endpoints(os.environ.get(AGENTS_VARIABLE, ""))
+    return Fleet(os.environ.get("ROCO_SYSTEM", Options().system), connect, 0, 0.0, (), agents=agents)
 
 
 def called() -> list[list[str]]:

@@ -12,6 +12,8 @@ import msgspec
 
 from agent_runtime.core.binding import wiring
 from agent_runtime.core.errors import JournalError, RuntimeFault
+from agent_runtime.io.links import Links
+from agent_runtime.io.options import Options
 from agent_runtime.testing.stand_in import StandIn, StandInError, Voice
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.errors import FipaError
@@ -57,10 +59,13 @@ def say(system: System, run: Path, draft: Communicate, wait_s: float, tell: Tell
         return _voiced(system, run, fleet, draft, wait_s, tell)
     try:
         first = system.design.agent(draft.sender).initial
-        tls = identity.tls(run, fleet, draft.sender)
         languages = system.languages or Languages()
-        links = wiring(draft.sender, fleet.system, design=system.design, languages=languages)
-        life = StandIn(links, first, run, fleet.connect, tls=tls)
+        wires = wiring(draft.sender, fleet.system, design=system.design, languages=languages)
+        if fleet.agents:
+            linked = Links(Options(keys=identity.folder(run, fleet), agents=fleet.agents), wires)
+            life = StandIn(wires, first, run, linked)
+        else:
+            life = StandIn(wires, first, run, fleet.connect, tls=identity.tls(run, fleet, draft.sender))
     except (StandInError, JournalError) as error:
         if force:
             return _voiced(system, run, fleet, draft, wait_s, tell)
@@ -115,7 +120,7 @@ def _lived(system: System, life: StandIn, draft: Communicate, wait_s: float, tel
 def _voiced(system: System, run: Path, fleet: Fleet, draft: Communicate, wait_s: float, tell: Tell) -> Sending:
     """In the name of an agent that lives, or as no agent could: on its key, without number, token or receipt.
 
-    Where there are keys the router lets only through what the design lets the sender say.
+    Where there are keys, router or receiver takes only what the design lets the sender say.
     """
     design = system.design
     template = design.file.system.key
@@ -135,7 +140,8 @@ def _voiced(system: System, run: Path, fleet: Fleet, draft: Communicate, wait_s:
         protocol=one.protocol,
         performative=one.performative.value,
     )
-    voice = Voice(fleet.connect, (ears,), tls=identity.tls(run, fleet, draft.sender))
+    at = fleet.agents.get(draft.receiver, fleet.connect)
+    voice = Voice(at, (ears,), tls=identity.tls(run, fleet, draft.sender))
     heard: list[Communicate] = []
     try:
         tell("said by force", one, voice.put(key, one))
