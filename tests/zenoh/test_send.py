@@ -105,5 +105,5 @@ def test_nobody_there(fleet: Processes, tmp_path: Path) -> None:
     assert done.receipted
     assert [one["in_reply_to"] for one in done.heard if one["performative"] == "agree"] == ["1", "2"]
     fleet.kill("router")
-    assert "no router" in roco(fleet.run, *COMMAND, *LOOK, code=1)
+    assert "nobody answers" in roco(fleet.run, *COMMAND, *LOOK, code=1)
     assert "no run" in roco(tmp_path / "none", *COMMAND, *LOOK, code=3)
