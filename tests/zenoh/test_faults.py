@@ -187,20 +187,21 @@ def test_a_process_is_kept_down_for_its_time(depot: Depot) -> None:
     assert depot.seen("ox").status.state is ProcessState.READY
 
 
-def test_a_cut_wire_takes_the_router_away_and_a_healed_one_gives_it_back(depot: Depot) -> None:
+def test_a_cut_takes_the_neighbours_away_and_a_healed_one_gives_them_back(depot: Depot) -> None:
     """The agent itself says so; the others go on, and no process is restarted."""
 
-    def up(name: str) -> bool:
+    def peers(name: str) -> set[str]:
         beat = depot.seen(name).beat
-        return beat is not None and beat.up
+        return set() if beat is None else set(beat.peers)
 
     before = {name: depot.seen(name).status.pid for name in ("mule", "ox")}
+    wait_for(lambda: peers("mule") == {"dispatcher", "traffic"}, "mule has its neighbours", PATIENCE_S)
     process = depot.begin("fault", "cut", "mule", "--run-dir", str(depot.run), "--for", "60")
-    wait_for(lambda: not up("mule"), "mule has no router", PATIENCE_S)
-    assert up("ox")
+    wait_for(lambda: not peers("mule"), "mule has no neighbours", PATIENCE_S)
+    assert peers("ox") == {"dispatcher", "traffic"}
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=PATIENCE_S)
-    wait_for(lambda: up("mule"), "mule has its router again", PATIENCE_S)
+    wait_for(lambda: peers("mule") == {"dispatcher", "traffic"}, "mule has its neighbours again", PATIENCE_S)
     assert {name: depot.seen(name).status.pid for name in before} == before
 
 

@@ -175,7 +175,7 @@ def test_what_was_wrong_while_nobody_recorded_is_found(depot: Depot) -> None:
     """With a key of the fleet somebody speaks for mule as soon as the recorder is dead."""
     fleet = folders.fleet(depot.run)
     assert fleet is not None
-    session = zenoh.open(client_config(fleet.connect, tls(depot.run, fleet, "mule")))
+    session = zenoh.open(client_config(fleet.agents["traffic"], tls(depot.run, fleet, "mule")))
     pid = depot.pid("monitor")
     os.kill(pid, signal.SIGKILL)
     session.put(load(EXAMPLE / "depot" / "design.toml").key(fleet.system, WRONG), encode(WRONG))
@@ -195,7 +195,7 @@ def test_a_dead_letter_is_kept(depot: Depot) -> None:
     """
     fleet = folders.fleet(depot.run)
     assert fleet is not None
-    session = zenoh.open(client_config(fleet.connect, tls(depot.run, fleet, "mule")))
+    session = zenoh.open(client_config(fleet.agents["traffic"], tls(depot.run, fleet, "mule")))
     letter = msgspec.structs.replace(WRONG, id="first")
     session.put(load(EXAMPLE / "depot" / "design.toml").key(fleet.system, letter), encode(letter))
     wait_for(lambda: letter in depot.arrived("traffic"), "traffic hears it")

@@ -38,8 +38,12 @@ def main(
         int, typer.Option(min=1, max=len(ROUTERS), help="2: linked, and the fleet goes on when one of them dies.")
     ] = 1,
     links: Annotated[
-        Linking, typer.Option(help="direct: agents are linked with each other, and the router is for tools alone.")
-    ] = Linking.ROUTER,
+        Linking | None,
+        typer.Option(
+            help="direct: agents are linked with each other, and the router is for tools alone. router: they meet at"
+            " the router. Else direct, where all agents and one router start here with new keys."
+        ),
+    ] = None,
     speed: Annotated[
         Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
     ] = Speed.REAL,
@@ -85,9 +89,11 @@ def main(
             if possible is not None:
                 possible(tuple(process.name for process in processes), scene, seed)
             routing = tuple(process.name for process in processes if process.name in ROUTERS)
-            two, direct = routers > 1, links is Linking.DIRECT
-            if direct:
-                linkable(bound.design, processes, routing, two=two, given=bool(keys) and not insecure)
+            two, given = routers > 1, bool(keys) and not insecure
+            why_not = unlinkable(bound.design, processes, routing, two=two, given=given)
+            if links is Linking.DIRECT and why_not:
+                raise ValueError(why_not)
+            direct = links is not Linking.ROUTER and not why_not
             if check:
                 return
             stack.enter_context(kept(run))
@@ -146,20 +152,19 @@ def main(
         shell.serve()
 
 
-def linkable(
+def unlinkable(
     design: Design, processes: tuple[Process, ...], routers: tuple[str, ...], *, two: bool, given: bool
-) -> None:
-    """Raise ValueError where agents cannot be linked directly: what they need is made here, for all of them."""
+) -> str:
+    """Return why agents cannot be linked directly, "" where they can: what they need is made here, for all of them."""
     elsewhere = sorted(set(design.agents) - {process.name for process in processes})
     if elsewhere or not routers:
         lacking = ", ".join(elsewhere or ["router"])
-        raise ValueError(f"--links direct starts all agents and the router here; {lacking} would be elsewhere")
+        return f"--links direct starts all agents and the router here; {lacking} would be elsewhere"
     if two:
-        raise ValueError("--links direct wants one router: no agent needs it, so a second one is of no use")
+        return "--links direct wants one router: no agent needs it, so a second one is of no use"
     if given:
-        raise ValueError(
-            "--links direct makes its keys; those of `roco keys make` are for agents that meet at a router"
-        )
+        return "--links direct makes its keys; those of `roco keys make` are for agents that meet at a router"
+    return ""
 
 
 def chosen(only: str, processes: tuple[Process, ...]) -> tuple[Process, ...]:

@@ -61,9 +61,12 @@ def up(
         int, typer.Option(min=1, max=2, help="2: linked, and the fleet goes on when one of them dies.")
     ] = 1,
     links: Annotated[
-        Linking,
-        typer.Option(help="direct: agents are linked with each other, and the router is for tools alone (new)."),
-    ] = Linking.ROUTER,
+        Linking | None,
+        typer.Option(
+            help="direct: agents are linked with each other, and the router is for tools alone. router: they meet at"
+            " the router. Else direct, where all agents and one router start here with new keys."
+        ),
+    ] = None,
     wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,
     seconds: For = None,
     form: Form = Format.TEXT,
@@ -86,7 +89,7 @@ def up(
         where = running_fleets.place(out, another, datetime.now())
         words = [*options(seed, speed, scene, insecure, faults=faults), *(["--only", only] if only else [])]
         words += ["--routers", str(routers)] if routers > 1 else []
-        words += ["--links", links.value] if links is not Linking.ROUTER else []
+        words += ["--links", links.value] if links else []
         if seconds is not None and not wait:
             raise UsageError("--for counts from when all are ready; leave --no-wait out")
         starting.check(words)
