@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from cryptography import x509
 
-from agent_runtime.io.issuing import Seat, issue, seats
-from agent_runtime.io.secured import AUTHORITY, ROUTERS, certificate_file, key_file, rights_of
+from agent_runtime.io.issuing import Seat, issue, revoke, seats
+from agent_runtime.io.secured import AUTHORITY, ROUTERS, certificate_file, key_file, revoked, rights_of
 from companion.design import DESIGN
 from topdown.model.rights import identities
 
@@ -58,6 +58,35 @@ def test_what_holds_is_kept(tmp_path: Path) -> None:
     anew = issue(tmp_path, DESIGN, ("roco",), now=NOW + 4 * DAY, apart=True, keep_days=3.5)
     assert (anew.made_now, anew.until) == (True, NOW + 11 * DAY)
     assert (tmp_path / "co/co.key").read_bytes() != before
+
+
+def test_linked_agents_keep_their_rules(tmp_path: Path) -> None:
+    """What holds is kept; what is asked for another way of meeting is made anew, and leaves no rules behind."""
+    made = [issue(tmp_path, DESIGN, ("roco",), direct=direct, keep_days=1.0) for direct in (True, True, False, True)]
+    assert [one.made_now for one in made] == [True, False, True, True]
+    issue(tmp_path, DESIGN, ("roco",))
+    assert not list(tmp_path.glob("*.links.json"))
+
+
+@pytest.mark.parametrize("how", ["wider", "gone"])
+def test_linked_agents_whose_rules_are_not_the_designs_get_new_keys(tmp_path: Path, how: str) -> None:
+    """As with the router's."""
+    issue(tmp_path, DESIGN, ("roco",), direct=True)
+    file = tmp_path / "co.links.json"
+    if how == "gone":
+        file.unlink()
+    else:
+        file.write_bytes(file.read_bytes().replace(b'"deny"', b'"allow"'))
+    assert issue(tmp_path, DESIGN, ("roco",), direct=True, keep_days=1.0).made_now
+
+
+def test_a_key_is_revoked_at_each_agent_that_has_a_folder_of_its_own(tmp_path: Path) -> None:
+    """New keys end it everywhere."""
+    issue(tmp_path, DESIGN, ("roco",), apart=True, direct=True)
+    revoke(tmp_path, "pl")
+    assert {name for name in identities(DESIGN) if revoked(tmp_path / name)} == {"router", *DESIGN.agents}
+    issue(tmp_path, DESIGN, ("roco",), apart=True, direct=True)
+    assert not [name for name in identities(DESIGN) if revoked(tmp_path / name)]
 
 
 SPOILED: dict[str, Callable[[Path, Path], object]] = {

@@ -10,7 +10,7 @@ the old ones.
 
 import datetime as dt
 import stat
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -21,6 +21,7 @@ from agent_runtime.io import keys
 from agent_runtime.io.run_files import write_secret
 from agent_runtime.io.secured import (
     AUTHORITY,
+    LINKS,
     REVOKED,
     RIGHTS,
     ROUTERS,
@@ -94,10 +95,10 @@ def issue(
     begin = now or dt.datetime.now(dt.UTC)
     places = seats(folder, design, systems, apart=apart, linked=linked, routers=routers)
     rights = Rights(tuple(systems), access_control(design, *systems, linked=linked, routers=routers, direct=direct))
-    until = None if keep_days is None else holding(places, rights, hosts)
+    links = _links(design, systems) if direct else {}
+    until = None if keep_days is None else holding(places, rights, hosts, links)
     kept = until is not None and keep_days is not None and until >= begin + dt.timedelta(days=keep_days)
     if until is None or not kept:
-        links = _links(design, systems) if direct else {}
         until = _make(folder, places, rights, begin, days, hosts, linked=linked, links=links)
     return Issued(str(folder), rights.systems, tuple(seat.name for seat in places), until, not kept)
 
@@ -127,27 +128,32 @@ def _make(
 ) -> dt.datetime:
     end = begin + dt.timedelta(days=days)
     issuer = keys.authority(f"{' '.join(rights.systems)} authority"[:64], begin, end)
+    routed = {seat.folder for seat in places if seat.identity in ROUTERS}
     for where in (folder, *dict.fromkeys(seat.folder for seat in places)):
         where.mkdir(parents=True, exist_ok=True)
         if stat.S_IMODE(where.stat().st_mode) != OWNER_ONLY:  # a mount point may be on a disk that is read only
             where.chmod(OWNER_ONLY)
     for seat in sorted(places, key=lambda one: one.identity in ROUTERS):  # the routers' last: they look for new ones
         routes = seat.identity in ROUTERS
-        if routes:  # the revoked keys are of an authority that was replaced
+        if routes or (seat.name in links and seat.folder not in routed):
+            # The revoked keys are of an authority that was replaced.
             (seat.folder / REVOKED).unlink(missing_ok=True)
         keys.publish(seat.folder, issuer, rights if routes else None)
         joins = linked or seat.identity in ROUTERS[1:] or seat.name in links
         listening = hosts if routes or seat.name in links else ()
         if seat.name in links:
-            write_secret(links_file(seat.folder, seat.identity), msgspec.json.encode(links[seat.name]))
+            write_secret(links_file(seat.folder, seat.identity), _encoded(links[seat.name]))
+        else:
+            links_file(seat.folder, seat.identity).unlink(missing_ok=True)
         keys.issue(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=joins)
     return end
 
 
 def revoke(folder: Path, name: str, *, undo: bool = False) -> tuple[str, ...]:
-    """Deny the common name every right at each router whose keys lie in the folder; return all that are denied.
+    """Deny the common name every right at each router and linked agent whose keys lie in the folder.
 
-    Raise KeysError where no router's keys are there, or it knows no such name. `undo`: grant them again.
+    Return all that are denied. Raise KeysError where no router's keys are there, or it knows no such name. `undo`:
+    grant them again.
     """
     routers = sorted(file.parent for file in folder.rglob(RIGHTS))
     if not routers:
@@ -156,33 +162,53 @@ def revoke(folder: Path, name: str, *, undo: bool = False) -> tuple[str, ...]:
     if name not in known:
         raise KeysError(f"no certificate is named {name!r}; there are {', '.join(sorted(known))}")
     now: set[str] = set()
-    for where in routers:
+    for where in sorted({*routers, *(file.parent for file in folder.rglob(f"*{LINKS}"))}):
         denied = set(revoked(where)) - {name} if undo else {*revoked(where), name}
         write_secret(where / REVOKED, msgspec.json.encode(sorted(denied)))
         now |= denied
     return tuple(sorted(now))
 
 
-def holding(places: Sequence[Seat], rights: Rights, hosts: Sequence[str]) -> dt.datetime | None:
+def holding(
+    places: Sequence[Seat], rights: Rights, hosts: Sequence[str], links: Mapping[str, Rights]
+) -> dt.datetime | None:
     """Until when all that is there holds; None where something lacks, or is of another authority, system or design, or
     where key identifiers lack, as in certificates of older versions, which Python 3.13 refuses.
+
+    `links`: rules of agents that are linked directly, by common name; {}: there shall be none.
     """
     try:
         authorities = {(seat.folder / AUTHORITY).read_bytes() for seat in places}
         found = [(seat, _certificate(certificate_file(seat.folder, seat.identity))) for seat in places]
         there = all(key_file(seat.folder, seat.identity).is_file() for seat in places)
         routers = [seat.folder for seat in places if seat.identity in ROUTERS]
-        wanted = msgspec.json.decode(msgspec.json.encode(rights), type=Rights)
-        same = all(rights_of(where, *rights.systems) == wanted for where in routers)
+        same = all(rights_of(where, *rights.systems) == _read(rights) for where in routers)
+        same = same and all(_linked(seat) == _encoded(links.get(seat.name)) for seat in places)
         (issuer,) = map(x509.load_pem_x509_certificate, authorities)
         signed = all(_signed(one, issuer) and _named(one) == seat.name for seat, one in found)
         identified = all(_identified(one) for one in (issuer, *(certificate for _, certificate in found)))
-        listens = all(_listens(one, hosts) for seat, one in found if seat.identity in ROUTERS)
+        listening = (one for seat, one in found if seat.identity in ROUTERS or seat.name in links)
+        listens = all(_listens(one, hosts) for one in listening)
     except (OSError, ValueError, KeysError):
         return None
     if not (there and same and signed and identified and listens):
         return None
     return min(one.not_valid_after_utc for one in (issuer, *(certificate for _, certificate in found)))
+
+
+def _linked(seat: Seat) -> bytes:
+    """Return the rules of an agent for its neighbours, as they stand there; b"": there are none."""
+    file = links_file(seat.folder, seat.identity)
+    return file.read_bytes() if file.exists() else b""
+
+
+def _encoded(rights: Rights | None) -> bytes:
+    return b"" if rights is None else msgspec.json.encode(rights)
+
+
+def _read(rights: Rights) -> Rights:
+    """Return the rights as they are read from a file."""
+    return msgspec.json.decode(msgspec.json.encode(rights), type=Rights)
 
 
 def lifetime(file: Path) -> tuple[dt.datetime, dt.datetime]:
@@ -213,5 +239,8 @@ def _named(certificate: x509.Certificate) -> object:
 
 
 def _listens(certificate: x509.Certificate, hosts: Sequence[str]) -> bool:
-    names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    try:
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:  # it was made for one that only dials
+        return False
     return all(keys.host(name) in names for name in hosts)

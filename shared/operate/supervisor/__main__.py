@@ -11,11 +11,11 @@ from typing import Annotated
 import msgspec
 import typer
 
-from agent_runtime.io.cli import Level, Speed
+from agent_runtime.io.cli import Level, Speed, endpoints
 from agent_runtime.io.forked import FORKS_VARIABLE
 from agent_runtime.io.options import AGENTS_VARIABLE, USAGE_ERROR, Linking
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
-from agent_runtime.io.secured import ROUTERS
+from agent_runtime.io.secured import ROUTERS, links_file
 from operate.supervisor import folder, wiring
 from operate.supervisor.forking import FORKS_FILE, forking
 from operate.supervisor.keeping import KeptError, kept
@@ -44,6 +44,14 @@ def main(
             " the router. Else direct, where all agents and one router start here with new keys."
         ),
     ] = None,
+    agents: Annotated[
+        str,
+        typer.Option(
+            envvar=AGENTS_VARIABLE,
+            help="Endpoints of agents that are linked directly, as ex=tls/robot:7448,ta=tls/desk:7448: those elsewhere"
+            " and those that they talk to; others here get free ports.",
+        ),
+    ] = "",
     speed: Annotated[
         Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
     ] = Speed.REAL,
@@ -89,9 +97,11 @@ def main(
             if possible is not None:
                 possible(tuple(process.name for process in processes), scene, seed)
             routing = tuple(process.name for process in processes if process.name in ROUTERS)
-            two, given = routers > 1, bool(keys) and not insecure
-            why_not = unlinkable(bound.design, processes, routing, two=two, given=given)
-            if links is Linking.DIRECT and why_not:
+            two, told = routers > 1, endpoints(agents)
+            own = tuple(process.name for process in processes if process.name in bound.design.agents)
+            given = Path(keys) if keys and not insecure else None
+            why_not = unlinkable(bound.design, own, told, given, two=two, routed=bool(routing))
+            if (links is Linking.DIRECT or told) and why_not:
                 raise ValueError(why_not)
             direct = links is not Linking.ROUTER and not why_not
             if check:
@@ -108,7 +118,7 @@ def main(
                 insecure=insecure,
                 here=routing,
                 linked=two,
-                direct=direct,
+                agents=dict.fromkeys(own, "") | told if direct else {},
                 days=key_days,
             )
         except (OSError, ValueError, NoSystemError) as error:
@@ -153,17 +163,27 @@ def main(
 
 
 def unlinkable(
-    design: Design, processes: tuple[Process, ...], routers: tuple[str, ...], *, two: bool, given: bool
+    design: Design, own: tuple[str, ...], told: dict[str, str], keys: Path | None, *, two: bool, routed: bool
 ) -> str:
-    """Return why agents cannot be linked directly, "" where they can: what they need is made here, for all of them."""
-    elsewhere = sorted(set(design.agents) - {process.name for process in processes})
-    if elsewhere or not routers:
-        lacking = ", ".join(elsewhere or ["router"])
-        return f"--links direct starts all agents and the router here; {lacking} would be elsewhere"
+    """Return why the agents `own` that are started here cannot be linked directly, "" where they can.
+
+    `told`: endpoints of agents; {}: all are here. `keys`: those that are given, None: they are made here, or there are
+    none. `routed`: a router is started here.
+    """
+    wanted = {peer for name in own for peer in design.peers(name)} if told else {*design.agents}
+    elsewhere = sorted(wanted - {*own, *told}) or ([] if told or routed or keys else [ROUTERS[0]])
+    if elsewhere:
+        return (
+            f"--links direct: {', '.join(elsewhere)} would be elsewhere; --agents tells where agents elsewhere listen"
+        )
     if two:
         return "--links direct wants one router: no agent needs it, so a second one is of no use"
-    if given:
-        return "--links direct makes its keys; those of `roco keys make` are for agents that meet at a router"
+    without = [name for name in own if keys is not None and not links_file(keys, name).exists()]
+    if without:
+        return (
+            f"--links direct: {keys} has no rules of {', '.join(without)} for its neighbours;"
+            " `roco keys make --links direct` makes keys that have"
+        )
     return ""
 
 

@@ -11,6 +11,7 @@ import random
 import socket
 import threading
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -54,16 +55,16 @@ class Keys:
         insecure: bool,
         here: tuple[str, ...],
         linked: bool = False,
-        direct: bool = False,
+        agents: Mapping[str, str] | None = None,
         days: float = DAYS,
     ) -> None:
         """Begin to make them, where a router is started here and none are given.
 
         `connect`: the addresses asked for, "" for free ports here; `given`: a folder of keys that are there; `here`:
-        the routers that are started here; `linked`: there are two; `direct`: all agents are started here, and linked.
-        ValueError where addresses and keys do not fit.
+        the routers that are started here; `linked`: there are two; `agents`: those that are linked directly, each with
+        its endpoint, "" for a free port here. ValueError where addresses and keys do not fit.
         """
-        self._design, self._system, self._days, self._direct = design, system, days, direct
+        self._design, self._system, self._days, self._direct = design, system, days, bool(agents)
         self._from, self._due = -float("inf"), float("inf")
         self._routers = len(ROUTERS) if linked else 1
         mine = bool(here) and not given and not insecure
@@ -72,7 +73,7 @@ class Keys:
             f"{TLS if self.folder else PLAIN}127.0.0.1:{free_port()}" for _ in range(self._routers)
         )
         scheme = TLS if self.folder else PLAIN
-        self.agents = {name: f"{scheme}127.0.0.1:{free_port()}" for name in design.agents} if direct else {}
+        self.agents = {name: at or f"{scheme}127.0.0.1:{free_port()}" for name, at in (agents or {}).items()}
         self._fit(here, mine=mine)
         self.own, self.routers = self._met(here)
         self._making = threading.Thread(target=self._begin, name="keys", daemon=True)

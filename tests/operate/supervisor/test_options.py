@@ -35,10 +35,14 @@ def supervisor(run: Path, *words: str) -> "subprocess.CompletedProcess[str]":
         (("--only", "nobody"), "supervisor: no process is called nobody"),
         (
             ("--links", "direct", "--only", "router,pl,km"),
-            "starts all agents and the router here; co, ex, hi, ta would",
+            "--links direct: co, ex, hi, ta would be elsewhere; --agents tells",
+        ),
+        (
+            ("--only", "router,pl,km", "--agents", "co=tls/desk:1"),
+            "--links direct: ta would be elsewhere",
         ),
         (("--links", "direct", "--routers", "2"), "--links direct wants one router"),
-        (("--links", "direct", "--keys", "given"), "--links direct makes its keys"),
+        (("--links", "direct", "--keys", "given"), "given has no rules of"),
     ],
 )
 def test_what_cannot_be_ends_it_before_anything_starts(tmp_path: Path, words: tuple[str, ...], said: str) -> None:

@@ -1,4 +1,5 @@
-"""`roco keys make`: certificates for every identity of a design, and the router's rules; all expires in a week.
+"""`roco keys make`: certificates for every identity of a design, and the rules of the router and of linked agents; all
+expires in a week.
 
 `roco keys revoke`: the router denies all to the name of a stolen key, until there are new keys for all.
 """
@@ -10,6 +11,7 @@ import msgspec
 import typer
 
 from agent_runtime.io import issuing, keys
+from agent_runtime.io.options import Linking
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import RIGHTS, KeysError
 from operate.cli import completion
@@ -30,13 +32,18 @@ def make(
             autocompletion=completion.systems,
         ),
     ] = None,
-    host: Annotated[list[str] | None, typer.Option(help="One more name or address of the router's host.")] = None,
+    host: Annotated[
+        list[str] | None, typer.Option(help="One more name or address of a host of the router, or of linked agents.")
+    ] = None,
     design: Annotated[Path | None, typer.Option(help="A design file; else that of the system here.")] = None,
     apart: Annotated[bool, typer.Option(help="A folder for each identity: each process sees its own alone.")] = False,
     keep: Annotated[
         float | None, typer.Option(metavar="DAYS", help="Leave all as it is where it holds so many days more.")
     ] = None,
     linked: Annotated[bool, typer.Option(help="A router for each system, which join each other.")] = False,
+    links: Annotated[
+        Linking, typer.Option(help="direct: agents are linked with each other; their keys let them listen, too.")
+    ] = Linking.ROUTER,
     routers: Annotated[
         int,
         typer.Option(
@@ -55,11 +62,14 @@ def make(
       roco keys make keys --apart --keep 3.5
       roco keys make keys --system velma1 --system velma2 --host robots.lan
     """
-    hosts = (*keys.HOSTS, *(host or ()))
+    direct = links is Linking.DIRECT
     with problems(form):
-        if linked and routers > 1:
-            raise UsageError("--linked is a router for each system, --routers 2 are two for all: choose one")
+        if linked + (routers > 1) + direct > 1:
+            raise UsageError(
+                "--linked is a router for each system, --routers 2 are two for all, --links direct has one: choose one"
+            )
         found = here() if design is None else of_design(design)
+        hosts = (*keys.HOSTS, *(found.design.agents if direct else ()), *(host or ()))
         names = [name.strip() for given in system or [found.name] for name in given.split(",") if name.strip()]
         try:
             made = issuing.issue(
@@ -71,6 +81,7 @@ def make(
                 apart=apart,
                 linked=linked,
                 routers=routers,
+                direct=direct,
                 keep_days=keep,
             )
         except UnicodeError as error:

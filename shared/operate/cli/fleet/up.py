@@ -67,6 +67,12 @@ def up(
             " the router. Else direct, where all agents and one router start here with new keys."
         ),
     ] = None,
+    agents: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME=ENDPOINT,...", help="Where linked agents on other hosts, and those that they talk to, listen."
+        ),
+    ] = "",
     wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,
     seconds: For = None,
     form: Form = Format.TEXT,
@@ -82,7 +88,7 @@ def up(
       roco up --only router,monitor,AGENT,PEER
       roco up --another second
       roco up --routers 2
-      roco up --links direct
+      roco up --only ROUTER,PEER --agents PEER=tls/desk:7448,AGENT=tls/robot:7448
       roco up --for 30
     """
     with problems(form), interrupts.heard():
@@ -90,6 +96,7 @@ def up(
         words = [*options(seed, speed, scene, insecure, faults=faults), *(["--only", only] if only else [])]
         words += ["--routers", str(routers)] if routers > 1 else []
         words += ["--links", links.value] if links else []
+        words += ["--agents", agents] if agents else []
         if seconds is not None and not wait:
             raise UsageError("--for counts from when all are ready; leave --no-wait out")
         starting.check(words)
