@@ -57,6 +57,7 @@ FREE = {
     ("design export", "faults"): A_NUMBER,
     ("design new", "name"): A_NAME,
     ("*", "routers"): A_NUMBER,
+    ("*", "agents"): A_TEXT,
     ("chaos", "budget"): A_NUMBER,
     ("keys make", "days"): A_NUMBER,
     ("keys make", "keep"): A_NUMBER,
