@@ -147,14 +147,15 @@ def _through(robot: Robot, world: World, side: str, q: np.ndarray, poses: Sequen
 def _pull(
     robot: Robot, world: World, side: str, grasp: np.ndarray, target: Target, grip: pin.SE3
 ) -> list[np.ndarray] | None:
-    """Return the lift, unchecked (the object still touches its support), and the path out with it in the hand."""
+    """Return the lift, of which only the end is free (the object stands on its support), and the path out with it."""
     up = shifted(grip, np.array([0.0, 0.0, LIFT_M]))
     with attaching.held(world, target.name, side, grip.inverse() * target.pose):
         try:
             path = ik.line(robot, side, grasp, up)
-            return (
-                path + ik.line(robot, side, path[-1], shifted(up, target.out * target.distance), accept=world.free)[1:]
-            )
+            if not world.free(path[-1]):
+                return None
+            out = ik.line(robot, side, path[-1], shifted(up, target.out * target.distance), accept=world.free)
+            return path + out[1:]
         except ik.PathBlocked:
             return None
 

@@ -14,10 +14,14 @@ from velma.kinematics import ik
 from velma.kinematics.collision import World
 from velma.kinematics.frames import heading, shifted, standing, tilt
 from velma.kinematics.robot import Robot
+from velma.kinematics.shapes import Box
 from velma.kinematics.tasks import attaching
 from velma.kinematics.tasks.grasping import AZIMUTH_SPREAD, LIFT_M, GraspWay, Target, approaches, grips
 
 angles = st.floats(-math.pi, math.pi)
+JAR_M, JAR_RADIUS_M = 0.2, 0.04  # objects.yaml
+BOARD_M, BOARD_DEEP_M = 0.02, 0.1
+INTO_M = 0.004  # a step of the way out is 15 mm, the world's margin 6
 NEAR = 1.5e-3  # m: three axes within the tolerance of the inverse kinematics, 0.5 mm each, and of the line
 
 
@@ -94,7 +98,20 @@ def test_the_way_out_is_free_once_lifted(taking, robot: Robot, world: World) -> 
             poses = [robot.grip(q, taking.side) * taking.held(approach) for q in approach.way_out]
             states = [q for q, pose in zip(approach.way_out, poses, strict=True) if pose.translation[2] > lifted]
             assert len(states) > 5
-            assert all(world.free(q) for q in states[1:])
+            assert all(world.free(q) for q in states)
+
+
+@pytest.mark.parametrize(("above", "free"), [(-0.01, False), (0.02, True)])
+def test_a_jar_that_meets_something_once_lifted_is_not_taken(jar, robot: Robot, world: World, above, free) -> None:
+    """A board behind the jar and higher than it, into whose edge the lift leads, and nothing before or after it."""
+    behind = standing(np.zeros(3), heading(jar.target.out))
+    top = np.add(jar.target.pose.translation, (0.0, 0.0, LIFT_M + JAR_M / 2 + BOARD_M / 2 + above))
+    at = top - jar.target.out * (JAR_RADIUS_M - INTO_M + BOARD_DEEP_M / 2)
+    behind.translation = at
+    world.put("board", [Box((BOARD_DEEP_M, 0.4, BOARD_M))], behind)
+    rng = np.random.default_rng(1)
+    found = approaches(robot, world, jar.side, np.array(names.START), jar.target, jar.ways, rng, wanted=1)
+    assert bool(found) is free
 
 
 def test_both_ends_are_comfortable(taking, robot: Robot) -> None:
