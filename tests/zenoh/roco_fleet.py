@@ -18,7 +18,10 @@ from toy_fleet import wait_for
 
 from agent_runtime.core.step import OUTSIDE
 from agent_runtime.io.heartbeat import Heartbeat
-from agent_runtime.io.sessions import client_config
+from agent_runtime.io.run_files import KEYS_FOLDER
+from agent_runtime.io.secured import links_tls
+from agent_runtime.io.sessions import free_endpoint, open_links
+from companion.design import DESIGN
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind
 from companion.run_files import SLOTS_FILE, TaskLine
@@ -26,7 +29,6 @@ from companion.skills.loop_messages import Phase
 from companion.tools.system import SYSTEM
 from companion.tools.verbs.hi import Hi, address
 from operate.cli.fleet import starting
-from operate.cli.fleet.identity import tls
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.recording import mcap_file
@@ -118,10 +120,13 @@ class RocoFleet:
             raise AssertionError(f"{error}\n{self.hi.tasks()}\n{self.logs()}") from None
 
     def session(self, identity: str) -> zenoh.Session:
-        """A session with the keys of this identity: whoever has them may say what it may."""
+        """A session with the keys of an agent, linked with its neighbours: whoever has them may say what it may."""
         told = folders.fleet(self.run)
         assert told is not None
-        return zenoh.open(client_config(told.connect, tls(self.run, told, identity)))
+        near, keys = [told.agents[peer] for peer in DESIGN.peers(identity)], links_tls(self.run / KEYS_FOLDER, identity)
+        session = open_links(free_endpoint().replace("tcp/", "tls/"), tuple(near), keys)
+        wait_for(lambda: len(session.info.peers_zid()) == len(near), "it is linked")
+        return session
 
     # --- as nobody can ----------------------------------------------------------------------------------------------
 
