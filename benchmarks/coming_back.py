@@ -194,7 +194,7 @@ def main(
         return
     base = Path(tempfile.mkdtemp(prefix="coming-back-"))
     run, environment = base / "run", with_hanging(base / "hang") if hang else None
-    up = [ROCO, "up", "--out", str(run), "--routers", str(routers)]
+    up = [ROCO, "up", "--out", str(run), "--links", "router", "--routers", str(routers)]
     subprocess.run(up, check=True, stdout=sys.stderr, env=environment)
     if hang:
         try:
