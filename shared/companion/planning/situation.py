@@ -69,7 +69,8 @@ def situation(ask: Asking, robot: Robot, state: str) -> Situation:
     furniture = ask(wm.StaticObjects(state=state), wm.Objects).objects
     static, doors = {one.id for one in furniture}, {one.id for one in furniture if one.kind == DOOR}
     world = collision.World(robot)
-    for placed in ask(wm.EnvironmentShapes(state=state), wm.Shapes).shapes:
+    there = ask(wm.EnvironmentShapes(state=state), wm.Shapes).shapes
+    for placed in there:
         kind: collision.Kind = "furniture" if placed.object in static else "object"
         shapes = _roomy(placed.shapes) if placed.object in doors else placed.shapes
         world.put(placed.object, shapes, transform(placed.pose), kind)
@@ -80,7 +81,11 @@ def situation(ask: Asking, robot: Robot, state: str) -> Situation:
     for side in SIDES:
         fingers = ask(wm.GripperConfiguration(state=state, side=side), wm.Configuration).q
         world.fingers(side, float(max(fingers[:3])))
-    return Situation(state, posture(ask, state), held, world)
+    q = posture(ask, state)
+    near = {name for a, b, _ in world.touching(q) for name in (a, b)} & doors if doors else set()
+    for placed in (one for one in there if one.object in near):  # a hand that let go of it has less room than that
+        world.put(placed.object, placed.shapes, transform(placed.pose), "furniture")
+    return Situation(state, q, held, world)
 
 
 def _roomy(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:

@@ -10,7 +10,7 @@ from companion.languages import rc
 from companion.languages.facts import Fact, Facts, Kind, fact
 from companion.skills import motions, own_paths
 from companion.skills.situation import Situation
-from companion.skills.skill import Skill, SkillRow, replan
+from companion.skills.skill import NotPossible, Skill, SkillRow, replan
 from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted, tilt
@@ -28,7 +28,8 @@ def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
     """Move to the start of the planned path in a checked straight segment, then follow it.
 
     Where it goes into something, another one is taken: what was seen again since the path was planned is up to 8 mm
-    elsewhere, and plans keep off by 6 mm. Raises replan if there is none.
+    elsewhere, and plans keep off by 6 mm. The fingers move on the way, or at its end where they would meet something.
+    Raises replan if there is none.
     """
     columns = names.COLUMNS[command.side]
     path = []
@@ -37,13 +38,22 @@ def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
         q[columns] = point
         path.append(q)
     path = [*joining(here, path[0]), *path]
-    bent = command.fingers if command.side not in here.held else None
-    path = _clear(here, path, command.side, bent, command.speed)
-    options = {}
-    if bent is not None:
-        options = motions.hand(command.side, motions.fingers(bent))
-        here.set_fingers(command.side, bent)
-    yield motions.along(here, command.key, path, command.speed, watch=_watched(here, path[-1]), **options)
+    side, bent = command.side, command.fingers if command.side not in here.held else None
+    later = False
+    try:
+        path = _clear(here, path, side, bent, command.speed)
+    except NotPossible:  # beside a door, fingers that close meet it
+        if bent is None or not _free(here, path[-1], side, bent):
+            raise
+        path, later = _clear(here, path, side, None, command.speed), True
+    fingers = {} if bent is None else motions.hand(side, motions.fingers(bent))
+    if bent is not None and not later:
+        here.set_fingers(side, bent)
+    watch = _watched(here, path[-1])
+    yield motions.along(here, command.key, path, command.speed, watch=watch, **({} if later else fingers))
+    if bent is not None and later:
+        yield motions.still(here, command.key, **fingers)
+        here.set_fingers(side, bent)
 
 
 def _clear(here: Situation, path: list[np.ndarray], side: str, bent: float | None, speed: float) -> list[np.ndarray]:
@@ -68,6 +78,15 @@ def _clear(here: Situation, path: list[np.ndarray], side: str, bent: float | Non
     if another is None:
         raise replan(*why)
     return another
+
+
+def _free(here: Situation, q: np.ndarray, side: str, bent: float) -> bool:
+    """Return whether a posture is free with the fingers bent so [rad]."""
+    here.world.fingers(side, bent)
+    try:
+        return here.world.free(q)
+    finally:
+        here.world.fingers(side, here.fingers[side])
 
 
 def _watched(here: Situation, q: np.ndarray) -> np.ndarray | None:

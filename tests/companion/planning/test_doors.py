@@ -1,5 +1,7 @@
 """Doors are opened for what stands behind them, and for what may."""
 
+from collections.abc import Sequence
+
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings
@@ -9,9 +11,13 @@ from msgspec.structs import replace
 from companion.languages import hfsm, rc
 from companion.languages.facts import Kind, fact
 from companion.planning.asking import Asking
+from companion.planning.situation import situation
 from companion.tasks.open_door import plan as leaves
 from companion.tasks.open_door.done import OpenDoor
+from velma.kinematics.collision import World
 from velma.kinematics.frames import transform
+from velma.kinematics.robot import Robot
+from velma.kinematics.shapes import Box
 from velma.kinematics.tasks import opening
 from velma.model import scene as model
 
@@ -42,6 +48,21 @@ def test_doors_that_are_not_open_enough_are_closed(km, doors, angles: tuple[floa
         if abs(angle - leaves.ENOUGH) > SEEN_WITHIN:
             assert (door in found) is (angle < leaves.ENOUGH)
         assert leaves.opened(asking, "", door, "cabinet_2") == pytest.approx(angle, abs=SEEN_WITHIN)
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_door_that_a_hand_is_beside_is_as_thick_as_it_is(beside: bool, km, doors, monkeypatch) -> None:
+    """Paths keep off the others by more: but a hand that let go of a door is nearer, and has to get away."""
+    put, thick = World.put, dict[str, float]()
+
+    def noted(world: World, name: str, shapes: Sequence[Box], *more: object) -> None:
+        thick[name] = getattr(shapes[0], "size", (0.0,))[0]
+        put(world, name, shapes, *more)
+
+    monkeypatch.setattr(World, "put", noted)
+    monkeypatch.setattr(World, "touching", lambda world, q: [("left_hand", "door_1", 0.004)] if beside else [])
+    situation(Asking(km(doors(0.0, 0.0)).ask, "p"), Robot(), "")
+    assert (thick["door_1"] < thick["door_2"]) is beside
 
 
 @pytest.mark.parametrize("task", [("pour", "jar", "bowl"), ("take", "jar", "")])

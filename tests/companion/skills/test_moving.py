@@ -8,6 +8,8 @@ from companion import models
 from companion.languages import rc
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
+from companion.skills import moving
+from companion.skills.loop_messages import Keep, Move
 from companion.skills.moving import move_joint, straight
 from companion.skills.situation import Situation
 from companion.skills.skill import NotPossible
@@ -81,6 +83,40 @@ def test_a_planned_path_goes_round_what_was_seen_since(jar_out: Acting, touched:
     if touched == "met":
         assert not any("box_1" in pair for q in followed[::5] for pair in here.world.touching(q))
     assert here.fingers["right"] == 0.3
+
+
+@pytest.mark.parametrize("free_at_the_end", [True, False])
+def test_fingers_that_would_meet_something_move_at_the_end_of_the_path(
+    free_at_the_end: bool, jar_out: Acting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As beside a door that the hand let go of: on the path they stay as they are."""
+    here, turn, bent = jar_out.here, np.zeros(15), 1.5
+    turn[names.ARM["right"][0]] = -1.2
+    path = [here.q + share * turn for share in np.linspace(0.0, 1.0, 25)]
+    points = tuple(tuple(q[names.COLUMNS["right"]].tolist()) for q in path)
+    if not free_at_the_end:
+        here.models = {**here.models, "box_1": "box1"}
+        here.place("box_1", standing(here.robot.grip(path[-1], "right").act(np.array([0.0, 0.0, 0.05]))))
+    whole = moving._clear
+
+    def entangled(here: Situation, path: list, side: str, bent: float | None, speed: float) -> list:
+        if bent is not None:
+            raise NotPossible(rc.NotDoneKind.REPLAN, ())
+        return path if not free_at_the_end else whole(here, path, side, bent, speed)
+
+    monkeypatch.setattr(moving, "_clear", entangled)
+    skill = move_joint(here, rc.MoveJoint("key", Side.RIGHT, points, 0.25, bent))
+    if not free_at_the_end:
+        with pytest.raises(NotPossible):
+            next(skill)
+        return
+    followed = next(skill)
+    np.testing.assert_allclose(followed.path()[-1], path[-1], atol=1e-9)
+    assert followed.right == Keep()
+    assert here.fingers["right"] != bent
+    assert isinstance(next(skill).right, Move)
+    assert next(skill, None) is None
+    assert here.fingers["right"] == bent
 
 
 def test_a_motion_that_cannot_be_ends_the_act_and_nothing_else(jar_out: Acting) -> None:
