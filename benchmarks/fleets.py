@@ -1,8 +1,8 @@
 """Fleets of router, km and pl side by side, as shipped and with parts of it left out, and bare gets: asked by turns.
 
-`SHIPPED` is what `roco up` starts: mutual TLS, the rights of the design, the monitor, which records, judges and draws,
-and all files on disk. `DIRECT` is the same with `--links direct`. The others say what its parts cost. `BARE` is a get
-of as many bytes through a router of its own.
+`SHIPPED` is what `roco up --links router` and containers start: mutual TLS, the rights of the design, the monitor,
+which records, judges and draws, and all files on disk. `DIRECT` is what `roco up` starts: the same with direct links.
+The others say what parts of `SHIPPED` cost. `BARE` is a get of as many bytes through a router of its own.
 """
 
 import os
