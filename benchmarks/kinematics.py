@@ -165,7 +165,7 @@ class Task:
     def pour(self, T_grip_jar: pin.SE3) -> None:
         """Jar to the beginning of the tilt."""
         stream = Stream(self.world.pose("bowl_1").act(np.array([0, 0, 0.1])), 0.1, 0.1)
-        found = tiltings(self.robot, self.world, "left", self.q, T_grip_jar, stream, self.rng, tries=1500)
+        found = tiltings(self.robot, self.world, "left", self.q, T_grip_jar, stream, self.rng)
         some = self.search(
             "tilt", lambda: self.nearest("left", list(islice(found, 4)), lambda tilting: tilting.path[0])
         )

@@ -61,7 +61,7 @@ def test_what_holds_is_kept(tmp_path: Path) -> None:
 
 
 def test_linked_agents_keep_their_rules(tmp_path: Path) -> None:
-    """What holds is kept; what is asked for another way of meeting is made anew, and leaves no rules behind."""
+    """Keys that hold are kept. Keys for another kind of links are new, and no old rules are left."""
     made = [issue(tmp_path, DESIGN, ("roco",), direct=direct, keep_days=1.0) for direct in (True, True, False, True)]
     assert [one.made_now for one in made] == [True, False, True, True]
     issue(tmp_path, DESIGN, ("roco",))

@@ -120,7 +120,7 @@ class RocoFleet:
             raise AssertionError(f"{error}\n{self.hi.tasks()}\n{self.logs()}") from None
 
     def session(self, identity: str) -> zenoh.Session:
-        """A session with the keys of an agent, linked with its neighbours: whoever has them may say what it may."""
+        """A session with the keys of an agent, linked with the agent's neighbours, as a thief of the keys has it."""
         told = folders.fleet(self.run)
         assert told is not None
         near, keys = [told.agents[peer] for peer in DESIGN.peers(identity)], links_tls(self.run / KEYS_FOLDER, identity)

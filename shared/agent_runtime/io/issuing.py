@@ -182,7 +182,8 @@ def holding(
         found = [(seat, _certificate(certificate_file(seat.folder, seat.identity))) for seat in places]
         there = all(key_file(seat.folder, seat.identity).is_file() for seat in places)
         routers = [seat.folder for seat in places if seat.identity in ROUTERS]
-        same = all(rights_of(where, *rights.systems) == _read(rights) for where in routers)
+        wanted = msgspec.json.decode(msgspec.json.encode(rights), type=Rights)
+        same = all(rights_of(where, *rights.systems) == wanted for where in routers)
         same = same and all(_linked(seat) == _encoded(links.get(seat.name)) for seat in places)
         (issuer,) = map(x509.load_pem_x509_certificate, authorities)
         signed = all(_signed(one, issuer) and _named(one) == seat.name for seat, one in found)
@@ -204,11 +205,6 @@ def _linked(seat: Seat) -> bytes:
 
 def _encoded(rights: Rights | None) -> bytes:
     return b"" if rights is None else msgspec.json.encode(rights)
-
-
-def _read(rights: Rights) -> Rights:
-    """Return the rights as they are read from a file."""
-    return msgspec.json.decode(msgspec.json.encode(rights), type=Rights)
 
 
 def lifetime(file: Path) -> tuple[dt.datetime, dt.datetime]:

@@ -17,6 +17,13 @@ class Linking(StrEnum):
     DIRECT = "direct"
 
 
+HOW_LINKED = (
+    "direct: agents are linked with each other, and the router is for tools alone. router: they meet at the router."
+    " Else direct, where all agents and one router start here with new keys."
+)
+"""The help of the option `--links`."""
+
+
 class Options(msgspec.Struct, frozen=True, kw_only=True):
     """`agents`: where each agent is reached, if they are linked with each other; {}: they meet at the router.
 

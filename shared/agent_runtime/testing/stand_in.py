@@ -177,7 +177,7 @@ class StandIn:
             self._resend()
 
     def _meet(self, until: float) -> None:
-        """Wait until all neighbours are linked: what is said before, and is not said again, reaches nobody."""
+        """Wait until all neighbours are linked. A volatile message that is said before reaches nobody."""
         missing = set(self._wiring.peers)
         while missing and (left := until - time.time()) > 0 and (item := self._inbox.get(left)) is not None:
             self._early.append(item)

@@ -13,7 +13,7 @@ import typer
 
 from agent_runtime.io.cli import Level, Speed, endpoints
 from agent_runtime.io.forked import FORKS_VARIABLE
-from agent_runtime.io.options import AGENTS_VARIABLE, USAGE_ERROR, Linking
+from agent_runtime.io.options import AGENTS_VARIABLE, HOW_LINKED, USAGE_ERROR, Linking
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
 from agent_runtime.io.secured import ROUTERS, links_file
 from operate.supervisor import folder, wiring
@@ -37,13 +37,7 @@ def main(
     routers: Annotated[
         int, typer.Option(min=1, max=len(ROUTERS), help="2: linked, and the fleet goes on when one of them dies.")
     ] = 1,
-    links: Annotated[
-        Linking | None,
-        typer.Option(
-            help="direct: agents are linked with each other, and the router is for tools alone. router: they meet at"
-            " the router. Else direct, where all agents and one router start here with new keys."
-        ),
-    ] = None,
+    links: Annotated[Linking | None, typer.Option(help=HOW_LINKED)] = None,
     agents: Annotated[
         str,
         typer.Option(

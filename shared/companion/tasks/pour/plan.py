@@ -19,11 +19,11 @@ from companion.planning.steps import Geometry, Step, move
 from companion.tasks.pour.done import Pour, PourKind
 from velma.kinematics.frames import transform
 from velma.kinematics.motion import Motion
-from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, Tilting, stream, tiltings
+from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, TRIES, Stream, Tilting, stream, tiltings
 from velma.kinematics.tasks.speeds import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 
 HELD_TILT = math.radians(40.0)  # task runs with the true robot model
-TRIES, HELD_TRIES = 1500, 6000
+HELD_TRIES = 4 * TRIES
 """Samples of a tilt. There is only one grasp of a source that is held already, so more are tried: in env2 seed 113,
 beside the box before the bowl, none of 1500 samples was a tilt, and some of 6000 were."""
 TILTINGS = 8  # estimate: the quickest of this number of tilts is chosen

@@ -22,7 +22,7 @@ from operate.cli.fleet.identity import OPERATOR
 from operate.cli.runs import folders
 
 CONNECT_VARIABLE = "ROCO_CONNECT"
-ROUTER_S = 5.0
+ANSWER_S = 5.0
 """Time to wait for an answer [s] (estimate: it takes milliseconds)."""
 
 
@@ -42,7 +42,7 @@ def session(run: Path, who: str = OPERATOR, to: str = "") -> Iterator[Callable[[
 
 @contextmanager
 def _session(connect: str, tls: dict[str, Any] | None) -> Iterator[Callable[[str, bytes], None]]:
-    until = time.monotonic() + ROUTER_S
+    until = time.monotonic() + ANSWER_S
     opened = open_client(connect, lambda: time.monotonic() > until, tls=tls)
     if opened is None:
         why = why_not(connect, tls) or f"{connect} opens no session"

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from agent_runtime.io.options import Linking
+from agent_runtime.io.options import HOW_LINKED, Linking
 from operate.cli import completion, interrupts
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import running_fleets, starting, targets
@@ -60,13 +60,7 @@ def up(
     routers: Annotated[
         int, typer.Option(min=1, max=2, help="2: linked, and the fleet goes on when one of them dies.")
     ] = 1,
-    links: Annotated[
-        Linking | None,
-        typer.Option(
-            help="direct: agents are linked with each other, and the router is for tools alone. router: they meet at"
-            " the router. Else direct, where all agents and one router start here with new keys."
-        ),
-    ] = None,
+    links: Annotated[Linking | None, typer.Option(help=HOW_LINKED)] = None,
     agents: Annotated[
         str,
         typer.Option(

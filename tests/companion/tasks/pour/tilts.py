@@ -74,7 +74,7 @@ def _possible(acting: Acting) -> Iterator[Tilting]:
     assert opening is not None
     flow = Stream(here.seen[BOWL].act(np.array(rim.centre)), rim.radius, opening.centre[2])
     held = here.held[LEFT].T_grip_object
-    return tiltings(here.robot, here.world, LEFT, here.q, held, flow, np.random.default_rng(1), tries=1500)
+    return tiltings(here.robot, here.world, LEFT, here.q, held, flow, np.random.default_rng(1))
 
 
 def _pour(tilting: Tilting) -> Pour:
