@@ -21,12 +21,13 @@ def _seen(look: rc.Look, done: rc.Done) -> Facts:
 
 _STANDS = Check(Claim.STANDS, "object", (Sense.EYES,), Otherwise.LOOK)
 _LOOKED = Check(Claim.LOOKED, "", (Sense.EYES,), Otherwise.SAID)
+_PUT = Check(Claim.STANDS, "put", (Sense.EYES,), Otherwise.SAID)
 GENERAL = (
     ActRow(rc.MoveJoint, (THERE, held(""))),
     ActRow(rc.MoveCartesian, (THERE, held("")), rest_s=5.0),
     ActRow(rc.Grasp, (THERE, held("object", Otherwise.FAILED)), rest_s=12.0, handles=True),
     ActRow(rc.Release, (THERE, _STANDS), rest_s=20.0, handles=True),
-    ActRow(rc.Look, (THERE, _LOOKED), rest_s=15.0, told=_seen),
+    ActRow(rc.Look, (THERE, _LOOKED, _PUT), rest_s=15.0, told=_seen),
     ActRow(rc.Home, (THERE,)),
 )
 ACTS: dict[type[rc.Command], ActRow] = {

@@ -101,10 +101,14 @@ class Release(Command, frozen=True, omit_defaults=True):
     way: tuple[Vector, ...] = ()
 
 
-class Look(Command, frozen=True):
-    """Turn the head to each point in turn [m, world frame] and report what is seen from there."""
+class Look(Command, frozen=True, omit_defaults=True):
+    """Turn the head to each point in turn [m, world frame] and report what is seen from there.
+
+    `put`: a thing that a hand has put there, which the look is to confirm; "" for none.
+    """
 
     at: tuple[Vector, ...]
+    put: str = ""
 
 
 class Home(Command, frozen=True):

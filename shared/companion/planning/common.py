@@ -2,7 +2,7 @@
 
 from companion.languages.facts import Kind, fact
 from companion.planning.homing import home
-from companion.planning.looking import look
+from companion.planning.looking import confirm, look
 from companion.planning.methods import Known, Subtasks, away
 from companion.planning.registry import Plan
 
@@ -23,5 +23,5 @@ def after_arms_home(known: Known, km: str, task: str, *arguments: str) -> Subtas
 COMMON = Plan(
     methods={"localize": (localize,)},
     around={"after_arms_home": after_arms_home},
-    actions={"a_home": home, "a_look": look},
+    actions={"a_home": home, "a_look": look, "a_confirm": confirm},
 )

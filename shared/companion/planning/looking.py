@@ -21,5 +21,14 @@ def look_for(word: str) -> Step:
 
 def look(geometry: Geometry, state: str, name: str) -> Step:
     """Return the step that looks where the object should be."""
+    return _look(geometry, state, name, "")
+
+
+def confirm(geometry: Geometry, state: str, name: str) -> Step:
+    """Return the step that looks whether the object stands where it was put; what is not seen is not checked."""
+    return _look(geometry, state, name, name)
+
+
+def _look(geometry: Geometry, state: str, name: str, put: str) -> Step:
     x, y, z = (float(v) for v in geometry.pose(state, name).translation)
-    return Step(hfsm.Step("look-at", (name,)), (rc.Look(key="", at=((x, y, z),)),), (), LOOK_S)
+    return Step(hfsm.Step("look-at", (name,)), (rc.Look(key="", at=((x, y, z),), put=put),), (), LOOK_S)

@@ -1,8 +1,8 @@
 """What the `plan` part of a task declares as PLAN, one row per task folder, and how the search finds them.
 
 Any task may name, besides what the rows declare: `localize` a thing (look at it, then plan again), `a_look` at a thing,
-`a_home` with a hand, `a_tell` a fact at the end, `a_replan` once a thing is localized, `a_some_done` (go on only if the
-plan has a step); around a task, `after_arms_home`.
+`a_confirm` that a thing stands where it was put, `a_home` with a hand, `a_tell` a fact at the end, `a_replan` once a
+thing is localized, `a_some_done` (go on only if the plan has a step); around a task, `after_arms_home`.
 """
 
 from collections.abc import Callable, Iterator

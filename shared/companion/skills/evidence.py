@@ -21,7 +21,7 @@ def evidence(here: Situation, command: rc.Command, sensed: Sensed | None, own: T
     """Return the evidence for an act that is done; `sensed`: after its last motion, None if it had none.
 
     `own`: how senses tell the claims of this act alone. A claim about a held thing is left out where the hand holds
-    nothing.
+    nothing, and one about a thing where the command names none.
     """
     return tuple(_rows(here, command, sensed, {**TELLS, **own})) if sensed is not None else ()
 
@@ -32,6 +32,8 @@ def _rows(here: Situation, command: rc.Command, sensed: Sensed, tells: Told) -> 
         if check.claim is Claim.HELD and held is None:
             continue
         of = getattr(command, check.of) if check.of else held.object if held is not None else ""
+        if check.of and not of:
+            continue
         by = tuple(sense for sense in check.by if tells[check.claim, sense](here, command, sensed, of))
         of_place = Sense.EYES in by and tells[check.claim, Sense.EYES] is seen
         uncertainty = here.uncertain.get(of) if of_place else None

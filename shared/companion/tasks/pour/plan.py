@@ -97,7 +97,7 @@ def pour_taken_again(known: Known, km: str, source: str, destination: str) -> Su
         return known.unfit(fact(Kind.NO_HAND_HOLDS, source))
     if not _open(known, km, destination):
         return None
-    return [("set_down", source), ("a_look", source), ("take_and_pour", source, destination)]
+    return [("set_down", source), ("a_confirm", source), ("take_and_pour", source, destination)]
 
 
 def pour_with_likely(known: Known, km: str, hand: Side, source: str, destination: str) -> Subtasks | None:

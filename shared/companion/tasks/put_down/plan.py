@@ -20,7 +20,7 @@ from companion.planning.steps import Geometry, Step
 def put_down(known: Known, km: str, name: str) -> Subtasks | None:
     """Put it down and look at it; where it stands already, as after a way that was blocked, bring the hand home."""
     if known.facts.holder(km, name):
-        return [("set_down", name), ("a_look", name)]
+        return [("set_down", name), ("a_confirm", name)]
     if known.facts.support(km, name) and away(known, km) and not known.facts.fallen(km, name):
         return _home_and_look(known, km, name)
     known.failed(fact(Kind.NO_HAND_HOLDS, name))
@@ -33,7 +33,7 @@ def put_down_lying_with(known: Known, km: str, hand: Side, name: str) -> Subtask
         return known.unfit(fact(Kind.DID_NOT_FALL, name))
     if held := known.facts.in_hand(km, hand):
         return known.unfit(fact(Kind.HOLDS, hand, held))
-    return [("a_take", name, hand), ("set_down", name), ("a_look", name)]
+    return [("a_take", name, hand), ("set_down", name), ("a_confirm", name)]
 
 
 def stands(known: Known, km: str, name: str) -> Subtasks | None:
@@ -53,7 +53,7 @@ def set_down(known: Known, km: str, name: str) -> Subtasks | None:
 
 
 def _home_and_look(known: Known, km: str, name: str) -> Subtasks:
-    return [*(("a_home", side) for side in away(known, km)), ("a_look", name)]
+    return [*(("a_home", side) for side in away(known, km)), ("a_confirm", name)]
 
 
 # --- at a place -------------------------------------------------------------------------------------------------------
@@ -72,7 +72,7 @@ def put_at_nothing(known: Known, km: str, name: str, where: str) -> Subtasks | N
 def put_at_held(known: Known, km: str, name: str, where: str) -> Subtasks | None:
     """Put it there with the hand that holds it, bring that one home, and look at it."""
     side = known.facts.holder(km, name)
-    after = (("a_home", side), ("a_look", name))
+    after = (("a_home", side), ("a_confirm", name))
     return [("a_place", side, where), *after] if side else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
 
 
@@ -88,7 +88,7 @@ def put_at_with(known: Known, km: str, hand: Side, name: str, where: str) -> Sub
 
 def set_at_try(known: Known, km: str, number: str, name: str, hand: Side, where: str) -> Subtasks | None:
     """Take it by some grasp, from which it can be put there: not every one leaves a way."""
-    return [("a_take_to", name, hand, number, where), ("a_place", hand, where), ("a_home", hand), ("a_look", name)]
+    return [("a_take_to", name, hand, number, where), ("a_place", hand, where), ("a_home", hand), ("a_confirm", name)]
 
 
 # --- the step that takes it for a place -------------------------------------------------------------------------------

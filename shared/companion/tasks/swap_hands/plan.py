@@ -16,7 +16,7 @@ def swap_hands(known: Known, km: str, name: str) -> Subtasks | None:
     if other := known.facts.in_hand(km, OTHER[side]):
         known.failed(fact(Kind.HOLDS, OTHER[side], other))
         return None
-    return [("set_down", thing), ("a_look", thing), ("hold_out", thing, OTHER[side])]
+    return [("set_down", thing), ("a_confirm", thing), ("hold_out", thing, OTHER[side])]
 
 
 PLAN = Plan(

@@ -51,6 +51,17 @@ class NotLeft(Receptor):
         return self._eye.look(qpos, neck) if held or self._more >= 0 else []
 
 
+class Without(Receptor):
+    """Sees all but the jar."""
+
+    def __init__(self, eye: Receptor) -> None:
+        self._eye = eye
+
+    def look(self, qpos: np.ndarray, neck: Neck) -> list:
+        """Return what the other eye sees, without the jar."""
+        return [one for one in self._eye.look(qpos, neck) if one.name != JAR]
+
+
 @pytest.mark.parametrize("more", [None, 0, 1])
 def test_what_is_put_down_unseen_is_where_the_hand_left_it(jar_out: Acting, more: int | None) -> None:
     """Also when it was seen in the hand in the same act, or beside the open hand, which may topple it as it leaves.
@@ -148,6 +159,16 @@ def test_what_is_put_down_and_seen_there_is_told_as_seen(jar_out: Acting) -> Non
     assert look.placed == ()
     (jar,) = [one for one in look.seen if one.object == JAR]
     assert jar.uncertainty is not None
+
+
+def test_a_look_that_is_to_confirm_it_and_does_not_see_it_says_so(jar_out: Acting) -> None:
+    """Also where an earlier one saw it: an arm that left since may have toppled it. One for nothing tells nothing."""
+    assert stands(jar_out.done(jar_out.put_down(JAR, LEFT)))[0] == (Sense.EYES,)
+    there = (tuple(jar_out.here.seen[JAR].translation),)
+    assert stands(jar_out.done(rc.Look("look", there, put=JAR)))[0] == (Sense.EYES,)
+    assert not [one for one in jar_out.done(rc.Look("look", there)).evidence if one.claim is Claim.STANDS]
+    jar_out.eye = Without(jar_out.eye)
+    assert stands(jar_out.done(rc.Look("look", there, put=JAR))) == ((), 0.0)
 
 
 @pytest.mark.parametrize("toppled", [True, False])
