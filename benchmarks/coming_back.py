@@ -1,12 +1,10 @@
 """Time for which a killed process is away: `kill -9` of each, repeatedly, until the supervisor says it is ready again.
 
 One fleet at rest, each process in turn; noticed: the supervisor says that it does not run. Appends to a results file.
-With --silence routers alone are killed, of two in turn the one that all use; silence: until each agent has a router.
 
     python benchmarks/coming_back.py --hang freeze
     python benchmarks/coming_back.py --hang loop --processes hi,co,pl,km,ta,ex
     python benchmarks/coming_back.py --kills 20
-    cd examples/depot && python ../../benchmarks/coming_back.py --silence --routers 2
     python benchmarks/coming_back.py --target deploy --called containers --processes router,monitor,hi,co,pl,km,ta,ex
 
 With --target the fleet is up already, in containers too, and `roco fault kill` does it and looks. `--table` writes the
@@ -28,9 +26,7 @@ import msgspec
 import tables
 import typer
 
-from agent_runtime.io.secured import ROUTERS
 from operate.run_folder import Fault, Fleet, ProcessState, ProcessStatus
-from operate.supervisor.core import SETTLED_S
 
 PATIENCE_S = 90.0  # estimate: km is back after 4 s on a quiet machine
 LOOK_S = 0.002
@@ -57,12 +53,18 @@ def after(reached: Callable[[], bool]) -> float:
     return time.monotonic() - began
 
 
+def again(run: Path, name: str, before: int) -> bool:
+    """Whether a process is ready that had another pid before."""
+    now = status(run, name)
+    return now.state is ProcessState.READY and now.pid != before
+
+
 def killed(run: Path, name: str) -> tuple[float, float]:
     """Kill a process; return after how long that was noticed, and after how long it was ready again [s]."""
     before = status(run, name)
     os.kill(before.pid, signal.SIGKILL)
     noticed = after(lambda: status(run, name).state is not ProcessState.READY)
-    rest = after(lambda: status(run, name).state is ProcessState.READY and status(run, name).pid != before.pid)
+    rest = after(lambda: again(run, name, before.pid))
     return noticed, noticed + rest
 
 
@@ -78,7 +80,7 @@ def noticed_hang(run: Path, name: str, begin: signal.Signals) -> float:
         os.kill(before.pid, signal.SIGCONT)
         after(lambda: not status(run, name).note)
     else:
-        after(lambda: _again(run, name, before.pid))
+        after(lambda: again(run, name, before.pid))
     return noticed
 
 
@@ -130,44 +132,6 @@ def ordered(target: str, called: str, names: list[str], kills: int, out: Path) -
         _told(out, {"target": called, "process": name, "kills": kills, "load": loads, "ready_s": figures(times)})
 
 
-def without_router(run: Path, name: str) -> float:
-    """Kill the router that all agents use; return after how long the last of them had one again [s]."""
-    logs = [
-        log for log in (run / "logs").glob("*.jsonl") if log.stem in {file.stem for file in (run / "steps").iterdir()}
-    ]
-    ends = {log: log.stat().st_size for log in logs}
-    at = time.time()
-    os.kill(status(run, name).pid, signal.SIGKILL)
-
-    def back(log: Path) -> float:
-        with log.open("rb") as file:
-            file.seek(ends[log])
-            lines = [msgspec.json.decode(line) for line in file.read().rpartition(b"\n")[0].splitlines()]
-        return next((line["t"] for line in lines if line.get("event") == "router back"), 0.0)
-
-    after(lambda: all(map(back, logs)))
-    return max(map(back, logs)) - at
-
-
-def silences(run: Path, routers: int, kills: int) -> list[float]:
-    """Kill the routers in turn, each once its earlier deaths are forgotten; return each silence [s]."""
-    names, ready, found = ROUTERS[:routers], dict.fromkeys(ROUTERS, time.monotonic()), []
-    for number in range(kills):
-        name = names[number % routers]
-        time.sleep(max(0.0, ready[name] + SETTLED_S - time.monotonic()))
-        before = status(run, name).pid
-        found.append(without_router(run, name))
-        after(lambda name=name, before=before: _again(run, name, before))
-        ready[name] = time.monotonic() + 1.0
-        typer.echo(f"{number + 1} of {kills}: {name}, {found[-1]:.3f} s", err=True)
-    return found
-
-
-def _again(run: Path, name: str, before: int) -> bool:
-    now = status(run, name)
-    return now.state is ProcessState.READY and now.pid != before
-
-
 def figures(times: list[float]) -> dict[str, float]:
     """Return the median and the 95th percentile [s]."""
     cuts = statistics.quantiles(times, n=20, method="inclusive")
@@ -177,8 +141,6 @@ def figures(times: list[float]) -> dict[str, float]:
 def main(
     kills: Annotated[int, typer.Option(help="of each process")] = 20,
     processes: Annotated[str, typer.Option()] = ",".join(PROCESSES),
-    routers: Annotated[int, typer.Option(min=1, max=2)] = 1,
-    silence: Annotated[bool, typer.Option(help="of the routers alone: how long agents have none")] = False,
     hang: Annotated[str, typer.Option(help="freeze, or loop: do that instead of a kill")] = "",
     target: Annotated[str, typer.Option(help="a fleet that is up: a compose project, or a run's folder")] = "",
     called: Annotated[str, typer.Option(help="its name in the table")] = "",
@@ -194,22 +156,12 @@ def main(
         return
     base = Path(tempfile.mkdtemp(prefix="coming-back-"))
     run, environment = base / "run", with_hanging(base / "hang") if hang else None
-    up = [ROCO, "up", "--out", str(run), "--links", "router", "--routers", str(routers)]
-    subprocess.run(up, check=True, stdout=sys.stderr, env=environment)
+    subprocess.run([ROCO, "up", "--out", str(run)], check=True, stdout=sys.stderr, env=environment)
     if hang:
         try:
             hangs(run, hang, processes.split(","), kills, out)
         finally:
             subprocess.run([ROCO, "down", "--run-dir", str(run)], check=True, stdout=sys.stderr)
-        return
-    if silence:
-        load = os.getloadavg()[0]
-        try:
-            times = silences(run, routers, kills)
-        finally:
-            subprocess.run([ROCO, "down", "--run-dir", str(run)], check=True, stdout=sys.stderr)
-        loads = [round(load, 2), round(os.getloadavg()[0], 2)]
-        _told(out, {"routers": routers, "kills": kills, "load": loads, "silence_s": figures(times)})
         return
     names = processes.split(",")
     seen: dict[str, list[tuple[float, float]]] = {name: [] for name in names}
@@ -229,7 +181,7 @@ def main(
 
 
 def printed(lines: list[dict[str, Any]]) -> str:
-    """Return a table of the processes, a column for each kind of fleet, and one of the silences."""
+    """Return a table of the processes, a column for each kind of fleet, and one of hangs."""
     killed = [line for line in lines if "process" in line]
     fleets = list(dict.fromkeys(line.get("target", "") for line in killed))
     found = {(line.get("target", ""), line["process"]): line for line in killed}
@@ -241,9 +193,7 @@ def printed(lines: list[dict[str, Any]]) -> str:
         rows.append(f"| {process} | {noticed} | {' | '.join(_times(one.get('ready_s')) for one in cells)} |")
     of = [next(line for (name, _), line in found.items() if name == fleet) for fleet in fleets]
     kills = [f"{line['kills']}, {_loads(line)}" for line in of]
-    rows += [f"| kills of each, load | | {' | '.join(kills)} |", "", "| routers | silence | load |", "|---|---|---|"]
-    silences = [line for line in lines if "silence_s" in line]
-    rows += [f"| {one['routers']} | {_times(one['silence_s'])} | {_loads(one)} |" for one in silences]
+    rows.append(f"| kills of each, load | | {' | '.join(kills)} |")
     return "\n".join((*rows, *_hung([line for line in lines if "hang" in line]))) + "\n"
 
 

@@ -11,7 +11,7 @@ import pytest
 from cryptography import x509
 
 from agent_runtime.io.issuing import Seat, issue, revoke, seats
-from agent_runtime.io.secured import AUTHORITY, ROUTERS, certificate_file, key_file, revoked, rights_of
+from agent_runtime.io.secured import AUTHORITY, ROUTER, certificate_file, key_file, revoked, rights_of
 from companion.design import DESIGN
 from topdown.model.rights import identities
 
@@ -147,21 +147,21 @@ def shake_hands(listens: Seat, connects: Seat) -> None:
 WAYS: dict[str, dict[str, Any]] = {
     "one system": {"systems": ("roco",)},
     "two systems": {"systems": ("velma1", "velma2")},
-    "a router each": {"systems": ("velma1", "velma2"), "linked": True},
-    "two routers": {"systems": ("roco",), "routers": 2},
+    "linked agents": {"systems": ("roco",), "direct": True},
 }
 
 
 @pytest.mark.parametrize("way", WAYS)
 def test_both_sides_take_each_certificate_strictly(tmp_path: Path, way: str) -> None:
-    """Each router with each client of it, on any Python version; a router with another, where they join."""
+    """The router with each client of it, on any Python version; an agent with each neighbour, where they are linked."""
     issue(tmp_path, DESIGN, **WAYS[way])
-    every = seats(tmp_path, DESIGN, **WAYS[way])
-    routers = [seat for seat in every if seat.identity in ROUTERS]
-    joining = routers if way == "a router each" else routers[1:]
-    for router in routers:
-        for other in (*joining, *(seat for seat in every if seat not in routers)):
-            shake_hands(router, other)
+    every = seats(tmp_path, DESIGN, WAYS[way]["systems"])
+    (router,) = [seat for seat in every if seat.identity == ROUTER]
+    agents = [seat for seat in every if seat.identity in DESIGN.agents]
+    for listener in (router, *(agents if "direct" in WAYS[way] else ())):
+        for other in agents if listener in agents else every:
+            if other not in (listener, router):
+                shake_hands(listener, other)
 
 
 @pytest.mark.parametrize("lacks", [x509.AuthorityKeyIdentifier, x509.SubjectKeyIdentifier])

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agent_runtime.core.events import LinkChanged, PeerChanged
-from agent_runtime.core.peers import GRACE_S, HASTE_S, LINKED_GRACE_S, RETURN_S, Peers
+from agent_runtime.core.peers import GRACE_S, HASTE_S, RETURN_S, Peers
 
 
 def living(*agents: str) -> Peers:
@@ -60,17 +60,6 @@ def test_a_new_incarnation_outlives_the_old_token() -> None:
     assert peers.token("a", 1, False, 10.02) == []
     assert peers.gone(100.0) == []
     assert peers.token("a", 1, True, 100.0) == [], "an older incarnation is never believed again"
-
-
-def test_a_peer_that_comes_over_from_the_other_router_was_not_dead() -> None:
-    """Its router died, not the own one: its token is back within the longer grace."""
-    peers = Peers(("a", "b"), LINKED_GRACE_S)
-    peers.router(True, 0.0)
-    peers.token("a", 1, True, 0.0)
-    peers.token("a", 1, False, 10.0)
-    assert peers.gone(10.0 + 2 * GRACE_S) == []
-    assert peers.token("a", 1, True, 10.0 + 3 * GRACE_S) == [PeerChanged("a", 1)]
-    assert peers.gone(99.0) == []
 
 
 def test_strangers_are_nobody() -> None:

@@ -6,14 +6,12 @@ from pathlib import Path
 import pytest
 import yaml
 
-from agent_runtime.io.secured import ROUTERS
+from agent_runtime.io.cli import endpoints
 from companion.design import DESIGN
 from companion.tools.key_folders import FOLDERS
-from companion.tools.system import PROCESSES as OF_ONE_ROUTER
-from operate.supervisor.processes import linked
+from companion.tools.system import PROCESSES
 from topdown.model.rights import identities
 
-PROCESSES = linked(OF_ONE_ROUTER)
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "deploy/compose.yaml").read_text()
 FILE = yaml.safe_load(TEXT)
@@ -80,7 +78,7 @@ def test_a_service_can_change_nothing_but_its_own_volume(name):
 
 def test_the_keys_of_all_are_in_one_place_which_has_no_network():
     """Each identity of the design and the router in a volume of its own, of which the image knows the owner."""
-    names = identities(DESIGN, len(ROUTERS))
+    names = identities(DESIGN)
     assert sorted(KEEPER["volumes"]) == sorted(f"keys-{name}:/keys/{name}" for name in names)
     assert {f"/keys/{name}" for name in names} <= set(FOLDERS)
     assert "from companion.tools.key_folders import FOLDERS" in DOCKERFILE.split(" AS agent\n")[1].split("\nFROM ")[0]
@@ -93,8 +91,9 @@ def test_nobody_speaks_without_a_key(name):
     """TLS is what is there, not what may be had."""
     environment = SERVICES[name]["environment"]
     assert environment["ROCO_TLS_DIR"] == "/var/lib/roco-keys"
-    assert environment["ROCO_CONNECT"] == "tls/router:7447,tls/router-2:7447"
-    assert environment.get("ROCO_LISTEN") == ("tls/0.0.0.0:7447" if name in ROUTERS else None)
+    assert environment["ROCO_CONNECT"] == "tls/router:7447"
+    ports = {"router": 7447, **dict.fromkeys(DESIGN.agents, 7448)}
+    assert environment.get("ROCO_LISTEN") == (f"tls/0.0.0.0:{ports[name]}" if name in ports else None)
 
 
 @every_service
@@ -103,12 +102,12 @@ def test_every_container_has_the_time_zone_of_who_starts_it(name):
     assert SERVICES[name]["environment"]["TZ"] == "${TZ:-}"
 
 
-def test_the_second_router_joins_the_first():
-    """By the keys that the keeper makes for both."""
-    told = {"ROCO_NAME": "router-2", "ROCO_LINK": "tls/router:7447"}
-    assert told.items() <= SERVICES["router-2"]["environment"].items()
-    assert not told.keys() & SERVICES["router"]["environment"].keys()
-    assert KEEPER["environment"]["ROCO_ROUTERS"] == str(len(ROUTERS))
+@every_service
+def test_each_agent_is_told_where_all_agents_listen(name):
+    """At the port at which each listens, by the name of its service."""
+    told = endpoints(SERVICES[name]["environment"].get("ROCO_AGENTS", ""))
+    listens = {one: SERVICES[one]["environment"]["ROCO_LISTEN"].replace("0.0.0.0", one) for one in DESIGN.agents}
+    assert told == (listens if name in DESIGN.agents else {})
 
 
 @pytest.mark.parametrize("name", FILE["services"])
@@ -145,8 +144,8 @@ def test_health_starts_no_python(name):
 
 @every_service
 def test_agents_start_when_the_router_routes_and_the_monitor_taps(name):
-    """As the supervisor's table says, but for the second router, which nobody need wait for."""
-    wanted = {other for process in OF_ONE_ROUTER if process.name == name for other in process.after} - {"loop"}
+    """As the supervisor's table says."""
+    wanted = {other for process in PROCESSES if process.name == name for other in process.after} - {"loop"}
     after = SERVICES[name].get("depends_on", {})
     assert set(after) == (wanted or {"keys"})
     assert all(condition == {"condition": "service_healthy"} for condition in after.values())

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import yaml
 
+from agent_runtime.io.cli import endpoints
 from companion.design import DESIGN
 from operate.wires import files
 
@@ -14,19 +15,26 @@ WIRES = OVER["services"]["wires"]
 OWN = {"command", "environment", "volumes", "depends_on", "healthcheck", "mem_limit"}
 
 
-def test_each_agent_reaches_the_router_by_a_wire_of_its_own():
-    """The proxy listens for each where that one is told to connect, and goes on to the router's endpoint."""
-    told = files.listed(WIRES["environment"]["ROCO_CONNECT"], WIRES["environment"]["ROCO_LISTEN"])
+def test_each_agent_reaches_the_router_and_its_neighbours_by_wires_of_its_own():
+    """The proxy listens for each where that one is told to connect, and goes on to where the other end listens."""
+    own = WIRES["environment"]
+    told = files.listed(own["ROCO_CONNECT"], endpoints(own["ROCO_AGENTS"]), own["ROCO_LISTEN"])
     assert told is not None
-    assert (told.ends, told.bind) == ({"router": ("router", 7447), "router-2": ("router-2", 7447)}, "0.0.0.0")
-    agents = {name: service for name, service in OVER["services"].items() if name != "wires"}
-    assert agents == {
-        name: {"environment": {"ROCO_CONNECT": ",".join(f"tls/wires:{port}" for port in ports.values())}}
-        for name, ports in told.ports.items()
+    assert told.bind == "0.0.0.0"
+    assert told.ends == {"router": ("router", 7447), **{name: (name, 7448) for name in DESIGN.agents}}
+    agents = {name: service["environment"] for name, service in OVER["services"].items() if name != "wires"}
+    assert set(agents) == set(told.ports) == set(DESIGN.agents)
+    for name, ports in told.ports.items():
+        assert set(ports) == {"router", *DESIGN.peers(name)}
+        reached = {end: f"tls/wires:{port}" for end, port in ports.items()}
+        assert agents[name]["ROCO_CONNECT"] == reached.pop("router")
+        assert endpoints(agents[name]["ROCO_AGENTS"]) == {name: f"tls/{name}:7448", **reached}
+    every = [port for ports in told.ports.values() for port in ports.values()]
+    assert len(set(every)) == len(every)
+    like = ONE["services"]["co"]["environment"]
+    assert {key: own[key] for key in ("ROCO_CONNECT", "ROCO_AGENTS")} == {
+        key: like[key] for key in ("ROCO_CONNECT", "ROCO_AGENTS")
     }
-    assert set(agents) == set(DESIGN.agents)
-    assert len({port for ports in told.ports.values() for port in ports.values()}) == 2 * len(agents)
-    assert ONE["services"]["co"]["environment"]["ROCO_CONNECT"] == WIRES["environment"]["ROCO_CONNECT"]
 
 
 def test_the_proxy_is_guarded_as_every_service():

@@ -8,13 +8,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from agent_runtime.io.secured import ROUTERS
-from companion.tools.system import PROCESSES as OF_ONE_ROUTER
-from operate.supervisor.processes import linked
+from companion.design import DESIGN
+from companion.tools.system import PROCESSES
 
 pytestmark = pytest.mark.process
 
-PROCESSES = linked(OF_ONE_ROUTER)
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 SCRIPT = (DEPLOY / "swarm").read_text()
 OVERRIDE = yaml.safe_load((DEPLOY / "compose.swarm.yaml").read_text())
@@ -67,7 +65,9 @@ def test_a_service_gets_its_own_key_and_no_other(name):
     service = OVERRIDE["services"][name]
     targets = {secret["source"]: secret["target"] for secret in service["secrets"]}
     own = {"authority": "authority.pem", f"{name}-certificate": f"{name}.pem", f"{name}-key": f"{name}.key"}
-    assert targets == own | ({"rights": "rights.json"} if name in ROUTERS else {})
+    rules = {"rights": "rights.json"} if name == "router" else {}
+    rules |= {f"{name}-links": f"{name}.links.json"} if name in DESIGN.agents else {}
+    assert targets == own | rules
     assert all(secret["uid"] == "10001" and secret["mode"] == 0o400 for secret in service["secrets"])
     assert service["environment"] == {"ROCO_TLS_DIR": "/run/secrets"}
     assert STACK["services"][name]["environment"]["ROCO_CONNECT"].startswith("tls/")
@@ -75,7 +75,7 @@ def test_a_service_gets_its_own_key_and_no_other(name):
 
 def test_secrets_are_named_for_when_they_were_made():
     """A secret never changes: new keys under an old name would be refused."""
-    endings = {"certificate": ".pem", "key": ".key"}
+    endings = {"certificate": ".pem", "key": ".key", "links": ".links.json"}
     for name, secret in OVERRIDE["secrets"].items():
         assert secret["name"] == f"${{ROCO_STACK}}-{name}-${{ROCO_KEYS_OF}}"
         identity, _, kind = name.rpartition("-")

@@ -6,7 +6,6 @@ import pytest
 import yaml
 
 from agent_runtime.io import issuing
-from agent_runtime.io.secured import ROUTERS
 from companion.design import DESIGN
 from companion.tools.key_folders import FOLDERS
 
@@ -14,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ONE = yaml.safe_load((ROOT / "deploy/compose.yaml").read_text())
 TWO = yaml.safe_load((ROOT / "deploy/compose.two.yaml").read_text())
 SYSTEMS = ("velma1", "velma2")
-SHARED = {"keys", *ROUTERS, "monitor"}
+SHARED = {"keys", "router", "monitor"}
 AGENTS = sorted(DESIGN.agents)
 
 
@@ -37,7 +36,8 @@ def test_the_second_robot_is_as_the_first(name):
     assert first.pop("volumes") == volumes(name) + lent
     first["environment"].pop("ROCO_HI_DIR", None)
     assert second["volumes"] == volumes(name, "2")
-    first["environment"] |= {"ROCO_SYSTEM": SYSTEMS[1]}
+    elsewhere = ",".join(f"{one}=tls/{one}2:7448" for one in ONE["services"] if one in AGENTS)
+    first["environment"] |= {"ROCO_SYSTEM": SYSTEMS[1], "ROCO_AGENTS": elsewhere}
     assert {key: value for key, value in second.items() if key != "volumes"} == first
 
 
@@ -48,7 +48,8 @@ def test_nothing_else_is_there_or_changed():
     for name in (*AGENTS, "page"):
         assert services[name] == {"environment": {"ROCO_SYSTEM": SYSTEMS[0]}}
     for name in SHARED:
-        assert services[name]["environment"] == {"ROCO_SYSTEMS": ",".join(SYSTEMS)}
+        hosts = {"ROCO_HOSTS": " ".join(f"{one}2" for one in ONE["services"] if one in AGENTS)}
+        assert services[name]["environment"] == {"ROCO_SYSTEMS": ",".join(SYSTEMS)} | (hosts if name == "keys" else {})
         assert set(services[name]) <= {"environment", "volumes", "ports", "mem_limit", "stop_grace_period"}
     mounted = {volume.split(":")[0] for name in AGENTS for volume in services[f"{name}2"]["volumes"]}
     assert set(TWO["volumes"]) == mounted
@@ -58,7 +59,7 @@ def test_the_keeper_of_the_keys_writes_each_where_its_agent_reads():
     """Every folder that `roco keys make --apart` writes is a volume of its own, and is in the image for its owner."""
     kept = [*ONE["services"]["keys"]["volumes"], *TWO["services"]["keys"]["volumes"]]
     folders = {target: volume for volume, target in (one.split(":") for one in kept)}
-    for seat in issuing.seats(Path("/keys"), DESIGN, SYSTEMS, apart=True, routers=len(ROUTERS)):
+    for seat in issuing.seats(Path("/keys"), DESIGN, SYSTEMS, apart=True):
         robot = "2" if seat.name.startswith(SYSTEMS[1]) else ""
         assert folders[str(seat.folder)] == f"keys-{seat.identity}{robot}"
         assert str(seat.folder) in FOLDERS

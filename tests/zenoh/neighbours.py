@@ -1,6 +1,6 @@
-"""Two systems side by side: agents' wires of both, at one router or each at its own, in this process.
+"""Two systems side by side: agents' wires of both, at one router or linked, in this process.
 
-And a link between routers that can go silent, as a cable that is pulled: whoever is connected notices nothing at first.
+And a link to a router that can go silent, as a cable that is pulled: whoever is connected notices nothing at first.
 """
 
 import socket
@@ -15,7 +15,7 @@ from agent_runtime.core.effects import Receipt
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.sessions import client_config
+from agent_runtime.io.sessions import client_config, free_endpoint, open_links
 from agent_runtime.io.zenoh_wire import ZenohWire
 from agent_runtime.testing.step_logs import StepLogs
 from companion.binding import wiring
@@ -29,8 +29,12 @@ KINDS = ("state",)
 class Pair:
     """co and ta of one system: two sessions, two inboxes. `heard`: everything that came, per agent."""
 
-    def __init__(self, system: str, endpoint: str, keys: Path | None = None, logs: Path | None = None) -> None:
-        """`keys`: of the site (agent_runtime.io.issuing), where it has some. `logs`: folder of the step logs."""
+    def __init__(
+        self, system: str, endpoint: str, keys: Path | None = None, logs: Path | None = None, *, direct: bool = False
+    ) -> None:
+        """`endpoint`: the router's. `keys`: of the site (agent_runtime.io.issuing), where it has some. `logs`: folder
+        of the step logs. `direct`: the two are linked, without keys, and the router is for tools.
+        """
         self.system = system
         self._logs = None if logs is None else StepLogs(logs)
         if logs is not None:
@@ -40,6 +44,9 @@ class Pair:
         self.sessions = {
             name: zenoh.open(client_config(endpoint, keys and client_tls(keys / system, name))) for name in ("co", "ta")
         }
+        tools, ends = self.sessions, {name: free_endpoint() for name in self.sessions}
+        if direct:
+            self.sessions = {name: open_links(ends[name], tuple(set(ends.values()) - {ends[name]})) for name in ends}
         self.inboxes = {name: Inbox() for name in self.sessions}
         self.heard: dict[str, list[object]] = {name: [] for name in self.sessions}
         self.wires = {
@@ -49,9 +56,12 @@ class Pair:
                 1 if system == "velma1" else 2,
                 self.inboxes[name],
                 log=logs and logs / "steps" / f"{name}.steps",
+                direct=direct,
             )
             for name, session in self.sessions.items()
         }
+        for name, wire in self.wires.items() if direct else ():
+            wire.join(tools[name])
 
     def talk(self, text: str) -> None:
         """Say one of everything that an agent can say, both ways, with this text in it."""

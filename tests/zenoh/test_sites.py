@@ -1,6 +1,4 @@
-"""Several robots at one site: at one router, or each at its own with the routers linked. Nothing of one reaches an
-agent of another; a recorder at any of the routers hears all.
-"""
+"""Several robots at one router: nothing of one reaches an agent of another, and a recorder hears all."""
 
 import os
 import signal
@@ -33,33 +31,30 @@ PINGS = len(("ping", "pong"))
 
 
 class Site(msgspec.Struct):
-    """Two pairs, and what a recorder hears at the second one's router."""
+    """Two pairs, and what a recorder hears."""
 
     first: Pair
     second: Pair
     samples: list[Sample]
 
 
-@pytest.fixture(params=["one router", "one router, rights", "linked", "linked, rights"])
+@pytest.fixture(params=["open to all", "rights"])
 def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
-    """Both robots at one router, or each at its own and the second router joins the first; open to all, or not."""
-    linked, rights = "linked" in request.param, "rights" in request.param
-    keys = tmp_path if rights else None
-    near, far = (free_endpoint().replace("tcp/", "tls/" if rights else "tcp/") for _ in SYSTEMS)
+    """Both robots at one router."""
+    keys = tmp_path if request.param == "rights" else None
+    endpoint = free_endpoint().replace("tcp/", "tls/" if keys else "tcp/")
     if keys:
-        issuing.issue(keys, DESIGN, SYSTEMS, linked=linked)
-    routers = [opened(near, (), keys, "velma1", linked)]
-    if linked:
-        routers.append(opened(far, (near,), keys, "velma2", linked))
-    pairs = Pair("velma1", near, keys), Pair("velma2", far if linked else near, keys)
-    samples, tap = tapped(far if linked else near, keys)
+        issuing.issue(keys, DESIGN, SYSTEMS)
+    router = opened(endpoint, keys)
+    pairs = Pair("velma1", endpoint, keys), Pair("velma2", endpoint, keys)
+    samples, tap = tapped(endpoint, keys)
     yield Site(*pairs, samples)
-    for one in (tap, *pairs, *routers):
+    for one in (tap, *pairs, router):
         one.close()
 
 
 class Ear:
-    """Whoever has the monitor's keys: it hears everything of both systems, wherever it is connected."""
+    """Whoever has the monitor's keys: it hears everything of both systems."""
 
     def __init__(self, endpoint: str, keys: Path | None, samples: list[Sample]) -> None:
         def heard(sample: zenoh.Sample) -> None:
@@ -89,12 +84,11 @@ def tapped(endpoint: str, keys: Path | None) -> tuple[list[Sample], Ear]:
     return samples, Ear(endpoint, keys, samples)
 
 
-def opened(endpoint: str, links: tuple[str, ...], keys: Path | None, system: str, linked: bool) -> zenoh.Session:
-    """A router; with keys it has its rights beside them, for one system or all."""
+def opened(endpoint: str, keys: Path | None) -> zenoh.Session:
+    """A router; with keys it has its rights beside them."""
     if keys is None:
-        return open_router(endpoint, links=links)
-    folder = keys / system if linked else keys
-    return open_router(endpoint, router_tls(folder, joins=linked), rights_of(folder, *SYSTEMS).access_control, links)
+        return open_router(endpoint)
+    return open_router(endpoint, router_tls(keys), rights_of(keys, *SYSTEMS).access_control)
 
 
 def heard(pair: Pair, name: str, words: str) -> bool:
@@ -130,7 +124,7 @@ def tokens(pair: Pair, name: str) -> list[Token]:
 
 
 def test_one_recorder_hears_all_of_both_robots(site: Site) -> None:
-    """This holds wherever it is connected: everything said, and every token, each under its system's name."""
+    """Everything said, and every token, each under its system's name."""
     first, second = site.first, site.second
     samples = site.samples
     wait_for(lambda: {one.system for one in samples if one.token} == set(SYSTEMS), "the tap sees who lives")
@@ -145,35 +139,27 @@ def test_one_recorder_hears_all_of_both_robots(site: Site) -> None:
 
 
 def _reaches(pair: Pair, samples: list[Sample]) -> bool:
-    """Say a word; whether any was heard. A subscription takes a moment to get from router to router."""
+    """Say a word; whether any was heard. A subscription takes a moment."""
     pair.wires["co"].publish("state", b"reached")
     return any(one.system == pair.system and one.data == b"reached" for one in samples)
 
 
-WHO = {"velma1.router": "router", "velma1.co": "co"}
-
-
 @pytest.fixture
 def home(tmp_path: Path) -> Iterator[tuple[str, list[Sample]]]:
-    """velma2's router with keys of both robots; its address, and what a recorder hears there."""
-    issuing.issue(tmp_path, DESIGN, SYSTEMS, linked=True)
+    """A router with keys of both robots; its address, and what a recorder hears there."""
+    issuing.issue(tmp_path, DESIGN, SYSTEMS)
     endpoint = free_endpoint().replace("tcp/", "tls/")
-    router = opened(endpoint, (), tmp_path, "velma2", True)
+    router = opened(endpoint, tmp_path)
     samples, tap = tapped(endpoint, tmp_path)
     yield endpoint, samples
     tap.close()
     router.close()
 
 
-@pytest.mark.parametrize("name", WHO)
-def test_who_is_of_one_robot_cannot_speak_for_another(
-    tmp_path: Path, home: tuple[str, list[Sample]], name: str
-) -> None:
-    """At the other robot's router a neighbour's router may bring its own robot's words and tokens, and so may an agent,
-    but none in the name of the robot that is at home there.
-    """
+def test_who_is_of_one_robot_cannot_speak_for_another(tmp_path: Path, home: tuple[str, list[Sample]]) -> None:
+    """An agent brings the words and the token of its own robot, and none in the name of the other one."""
     endpoint, samples = home
-    with zenoh.open(client_config(endpoint, client_tls(tmp_path / "velma1", WHO[name]))) as stranger:
+    with zenoh.open(client_config(endpoint, client_tls(tmp_path / "velma1", "co"))) as stranger:
         kept = [stranger.liveliness().declare_token(f"roco/{system}/_/alive/co/7") for system in reversed(SYSTEMS)]
         for key in ("C1/co/ta/coordinate/request", "_/receipt/co/ta", "_/ping/co/ta", "_/state/co"):
             stranger.put(f"roco/velma2/{key}", b"a lie")
@@ -189,12 +175,13 @@ def test_who_is_of_one_robot_cannot_speak_for_another(
 
 @pytest.fixture
 def broken(tmp_path: Path) -> Iterator[tuple[Pair, Pair, Cable]]:
-    """Two robots with a router each, linked by a cable; a monitor process at the first one's."""
-    near, far = free_endpoint(), free_endpoint()
-    routers = [open_router(near)]
-    cable = Cable(near)
-    routers.append(open_router(far, links=(cable.endpoint,)))
-    pairs = Pair("velma1", near, logs=tmp_path / "one"), Pair("velma2", far, logs=tmp_path / "two")
+    """Two robots, whose agents are linked; the second one reaches router and monitor by a cable."""
+    near = free_endpoint()
+    router, cable = open_router(near), Cable(near)
+    pairs = (
+        Pair("velma1", near, logs=tmp_path / "one", direct=True),
+        Pair("velma2", cable.endpoint, logs=tmp_path / "two", direct=True),
+    )
     options = {
         "ROCO_CONNECT": near,
         "ROCO_RUN_DIR": str(tmp_path),
@@ -209,7 +196,7 @@ def broken(tmp_path: Path) -> Iterator[tuple[Pair, Pair, Cable]]:
     cable.plug()
     monitor.send_signal(signal.SIGTERM)
     status = monitor.wait(120.0)  # two reports
-    for one in (*pairs, *routers, cable):
+    for one in (*pairs, router, cable):
         one.close()
     assert status == 0, (tmp_path / "monitor.log").read_text()
     for name in SYSTEMS:

@@ -1,4 +1,4 @@
-"""Two whole robots at one router, or at two that are linked, with keys and one monitor, as docs/sites.md says.
+"""Two whole robots at one router, with keys and one monitor, as docs/sites.md says.
 
 Each recording has its own robot's run.
 """
@@ -34,21 +34,15 @@ READY_S, TASK_S = 180.0, 240.0  # estimates: two fleets on a loaded machine with
 
 
 class Site:
-    """A folder with the keys, the site's own run, and a run for each robot.
+    """A folder with the keys, the site's own run, and a run for each robot, whose agents are linked or not."""
 
-    `linked`: each robot has its own router, and the second one joins the first, where the monitor is.
-    """
-
-    def __init__(self, folder: Path, *, linked: bool) -> None:
+    def __init__(self, folder: Path, links: str) -> None:
         self.folder, keys = folder, folder / "keys"
-        first, second = (free_endpoint().replace("tcp/", "tls/") for _ in TOLD)
-        self.roco("keys", "make", str(keys), "--system", ",".join(TOLD), *(["--linked"] if linked else []))
-        at, joins = {"velma1": first, "velma2": second if linked else first}, {"velma1": "", "velma2": first}
-        self.up(folder, "monitor" if linked else "router,monitor", keys, ROCO_CONNECT=first)
+        at = free_endpoint().replace("tcp/", "tls/")
+        self.roco("keys", "make", str(keys), "--system", ",".join(TOLD), "--links", links)
+        self.up(folder, "router,monitor", keys, ROCO_CONNECT=at)
         for name in TOLD:
-            only = f"router,{ROBOT}" if linked else ROBOT
-            told = {"ROCO_SYSTEM": name, "ROCO_CONNECT": at[name], "ROCO_LINK": joins[name]}
-            self.up(folder / name, only, keys / name, **told)
+            self.up(folder / name, ROBOT, keys / name, ROCO_SYSTEM=name, ROCO_CONNECT=at)
 
     def up(self, run: Path, only: str, keys: Path, **more: str) -> None:
         """A part of it, in the background."""
@@ -78,10 +72,10 @@ class Site:
             starting.down(run)
 
 
-@pytest.fixture(params=["one router", "linked"])
+@pytest.fixture(params=["direct", "router"])
 def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
     """Everything up."""
-    made = Site(tmp_path, linked=request.param == "linked")
+    made = Site(tmp_path, request.param)
     try:
         for run in (tmp_path, *(tmp_path / name for name in TOLD)):
             wait_for(lambda run=run: made.ready(run), f"all of {run.name} are ready", READY_S)

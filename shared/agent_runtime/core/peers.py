@@ -3,8 +3,7 @@ out.
 
 When the router dies, all tokens vanish within 5 ms, before or after the transport's own end is told; so a vanished
 token is believed only after GRACE_S with the router still there. After a reconnect tokens come back by themselves; one
-that does not within RETURN_S belongs to an agent that died meanwhile. Of two linked routers the other one may die: then
-the tokens of the peers there vanish, until these have come over.
+that does not within RETURN_S belongs to an agent that died meanwhile.
 
 Believed is the highest incarnation whose token is there. Whoever has a peer's key may declare a higher one than the
 peer itself: when that token is gone, the peer's own counts again. A journal's name stays believed while a token with it
@@ -15,10 +14,6 @@ from agent_runtime.core.events import LinkChanged, PeerChanged
 
 GRACE_S = 0.05
 """The transport's end was told 1-9 ms after a router was killed (measured); several times that."""
-LINKED_GRACE_S = 0.2
-"""Tokens of agents at the other router came back 7-10 ms after it was killed, silence was 50 ms at most (measured, 12
-kills); more on a busy machine, and less than the 0.3 s within which a death is told.
-"""
 RETURN_S = 3.0
 """Reconnection is tried at least every 0.5 s, a cut-off peer is dropped after the lease of 2 s; a little more."""
 HASTE_S = 0.2
@@ -28,13 +23,13 @@ TOKENS = 1024
 
 
 class Peers:
-    """Of one agent; `known` are those it talks to, `grace_s` how long a vanished token is doubted [s].
+    """Of one agent; `known` are those it talks to.
 
     `alive`: the incarnation that is believed of each.
     """
 
-    def __init__(self, known: tuple[str, ...], grace_s: float = GRACE_S) -> None:
-        self._known, self._grace_s = frozenset(known), grace_s
+    def __init__(self, known: tuple[str, ...]) -> None:
+        self._known = frozenset(known)
         self.up = False
         self.alive: dict[str, int] = {}
         self._journal: dict[str, str] = {}
@@ -60,7 +55,7 @@ class Peers:
             if not there:
                 del lives[journal]
             if (self._journal.get(agent), self.alive.get(agent)) == (journal, incarnation) and self.up:
-                self._doubted.setdefault(agent, now + self._grace_s)
+                self._doubted.setdefault(agent, now + GRACE_S)
         return []
 
     def router(self, up: bool, now: float) -> list[LinkChanged]:

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from agent_runtime.io.options import AGENTS_VARIABLE, Options
+from agent_runtime.io.options import AGENTS_VARIABLE, LISTEN_VARIABLE, Options
 
 _DEFAULT = Options()
 
@@ -39,26 +39,21 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
 
     @command.command(help=text)
     def main(
-        connect: Annotated[
-            str, typer.Option(envvar="ROCO_CONNECT", help="The router's endpoint; of two: comma between.")
-        ] = _DEFAULT.connect,
+        connect: Annotated[str, typer.Option(envvar="ROCO_CONNECT", help="The router's endpoint.")] = _DEFAULT.connect,
         listen: Annotated[
             str,
-            typer.Option(envvar="ROCO_LISTEN", help="Where the router listens (only the router does); comma between."),
+            typer.Option(
+                envvar=LISTEN_VARIABLE,
+                help="Where it listens: a router, comma between, else at --connect; a linked agent, else at its"
+                " endpoint in --agents.",
+            ),
         ] = _DEFAULT.listen,
-        name: Annotated[
-            str, typer.Option(envvar="ROCO_NAME", help="Which of two linked routers it is: router or router-2.")
-        ] = _DEFAULT.name,
         system: Annotated[
             str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot.")
         ] = _DEFAULT.system,
         systems: Annotated[
             str,
             typer.Option(envvar="ROCO_SYSTEMS", help="Of router and monitor: names of several robots, comma between."),
-        ] = "",
-        link: Annotated[
-            str,
-            typer.Option(envvar="ROCO_LINK", help="Other routers that the router joins: endpoints, comma between."),
         ] = "",
         run_dir: Annotated[
             Path, typer.Option(envvar="ROCO_RUN_DIR", help="Folder of this run: journals, logs, ready files.")
@@ -94,10 +89,8 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
         options = Options(
             connect=connect,
             listen=listen,
-            name=name,
             system=system,
             systems=listed(systems),
-            links=listed(link),
             run_dir=run_dir,
             log_level=log_level.value,
             speed=speed.value,

@@ -2,10 +2,8 @@
 
 All in one folder where everybody runs as one user; `apart`, a folder for each identity, where each process sees only
 its own (containers). Several systems may stand behind one router: then each system has a folder, and the certificates
-in it name the system; `linked`, each has a router of its own, which is a client of the others, too; or two `routers`
-serve them all, of which the second is a client of the first. What is there and
-still holds for `keep_days` may be kept: a new authority separates agents with its keys from those with
-the old ones.
+in it name the system. What is there and still holds for `keep_days` may be kept: a new authority separates agents with
+its keys from those with the old ones.
 """
 
 import datetime as dt
@@ -24,7 +22,7 @@ from agent_runtime.io.secured import (
     LINKS,
     REVOKED,
     RIGHTS,
-    ROUTERS,
+    ROUTER,
     KeysError,
     Rights,
     certificate_file,
@@ -63,12 +61,10 @@ def seats(
     systems: Sequence[str],
     *,
     apart: bool = False,
-    linked: bool = False,
-    routers: int = 1,
 ) -> tuple[Seat, ...]:
     """Return the folder of each certificate."""
     found = []
-    for name, pairs in common_names(design, systems, linked=linked, routers=routers).items():
+    for name, pairs in common_names(design, systems).items():
         identity, system = pairs[0]
         where = folder if name == identity else folder / system
         found.append(Seat(identity, name, where / identity if apart else where))
@@ -83,23 +79,21 @@ def issue(
     days: float = keys.DAYS,
     hosts: Sequence[str] = keys.HOSTS,
     apart: bool = False,
-    linked: bool = False,
-    routers: int = 1,
     direct: bool = False,
     keep_days: float | None = None,
     now: dt.datetime | None = None,
 ) -> Issued:
     """Make all keys of the systems, or keep what still holds for `keep_days`. `direct`: agents listen, too, and have
-    rules for their neighbours. Raises OSError; ValueError for two of `linked`, several `routers` and `direct`.
+    rules for their neighbours. Raises OSError.
     """
     begin = now or dt.datetime.now(dt.UTC)
-    places = seats(folder, design, systems, apart=apart, linked=linked, routers=routers)
-    rights = Rights(tuple(systems), access_control(design, *systems, linked=linked, routers=routers, direct=direct))
+    places = seats(folder, design, systems, apart=apart)
+    rights = Rights(tuple(systems), access_control(design, *systems, direct=direct))
     links = _links(design, systems) if direct else {}
     until = None if keep_days is None else holding(places, rights, hosts, links)
     kept = until is not None and keep_days is not None and until >= begin + dt.timedelta(days=keep_days)
     if until is None or not kept:
-        until = _make(folder, places, rights, begin, days, hosts, linked=linked, links=links)
+        until = _make(folder, places, rights, begin, days, hosts, links)
     return Issued(str(folder), rights.systems, tuple(seat.name for seat in places), until, not kept)
 
 
@@ -122,30 +116,27 @@ def _make(
     begin: dt.datetime,
     days: float,
     hosts: Sequence[str],
-    *,
-    linked: bool,
     links: dict[str, Rights],
 ) -> dt.datetime:
     end = begin + dt.timedelta(days=days)
     issuer = keys.authority(f"{' '.join(rights.systems)} authority"[:64], begin, end)
-    routed = {seat.folder for seat in places if seat.identity in ROUTERS}
+    routed = {seat.folder for seat in places if seat.identity == ROUTER}
     for where in (folder, *dict.fromkeys(seat.folder for seat in places)):
         where.mkdir(parents=True, exist_ok=True)
         if stat.S_IMODE(where.stat().st_mode) != OWNER_ONLY:  # a mount point may be on a disk that is read only
             where.chmod(OWNER_ONLY)
-    for seat in sorted(places, key=lambda one: one.identity in ROUTERS):  # the routers' last: they look for new ones
-        routes = seat.identity in ROUTERS
+    for seat in sorted(places, key=lambda one: one.identity == ROUTER):  # the router's last: it looks for new ones
+        routes = seat.identity == ROUTER
         if routes or (seat.name in links and seat.folder not in routed):
             # The revoked keys are of an authority that was replaced.
             (seat.folder / REVOKED).unlink(missing_ok=True)
         keys.publish(seat.folder, issuer, rights if routes else None)
-        joins = linked or seat.identity in ROUTERS[1:] or seat.name in links
         listening = hosts if routes or seat.name in links else ()
         if seat.name in links:
             write_secret(links_file(seat.folder, seat.identity), _encoded(links[seat.name]))
         else:
             links_file(seat.folder, seat.identity).unlink(missing_ok=True)
-        keys.issue(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=joins)
+        keys.issue(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=seat.name in links)
     return end
 
 
@@ -181,14 +172,14 @@ def holding(
         authorities = {(seat.folder / AUTHORITY).read_bytes() for seat in places}
         found = [(seat, _certificate(certificate_file(seat.folder, seat.identity))) for seat in places]
         there = all(key_file(seat.folder, seat.identity).is_file() for seat in places)
-        routers = [seat.folder for seat in places if seat.identity in ROUTERS]
+        routers = [seat.folder for seat in places if seat.identity == ROUTER]
         wanted = msgspec.json.decode(msgspec.json.encode(rights), type=Rights)
         same = all(rights_of(where, *rights.systems) == wanted for where in routers)
         same = same and all(_linked(seat) == _encoded(links.get(seat.name)) for seat in places)
         (issuer,) = map(x509.load_pem_x509_certificate, authorities)
         signed = all(_signed(one, issuer) and _named(one) == seat.name for seat, one in found)
         identified = all(_identified(one) for one in (issuer, *(certificate for _, certificate in found)))
-        listening = (one for seat, one in found if seat.identity in ROUTERS or seat.name in links)
+        listening = (one for seat, one in found if seat.identity == ROUTER or seat.name in links)
         listens = all(_listens(one, hosts) for one in listening)
     except (OSError, ValueError, KeysError):
         return None

@@ -1,8 +1,9 @@
 """Certificates of a fleet: an authority and one certificate per identity, short-lived, renewed rather than revoked.
 
-The common name (CN) of a certificate is the identity that the router's rights name; only the router's certificate names
-hosts. The authority's private key is never written: who needs one more certificate makes all of them again. Elliptic
-keys (P-256, RFC 5480) because rustls, which Zenoh uses, takes them and a handshake stays short.
+The common name (CN) of a certificate is the identity that the router's rights name; only certificates of the
+router and of linked agents name hosts. The authority's private key is never written: who needs one more certificate
+makes all of them again. Elliptic keys (P-256, RFC 5480) because rustls, which Zenoh uses, takes them and a handshake
+stays short.
 """
 
 import datetime as dt
@@ -25,8 +26,9 @@ DAYS = 7.0
 """Lifetime of certificates (a week: as long as a stolen one is of use)."""
 BACK = dt.timedelta(minutes=5)
 """They hold from a little before now, for machines whose clocks differ (estimate)."""
-HOSTS = ("localhost", "127.0.0.1", "::1", "router", "router-2", "wires")
-"""Names under which routers are reached: here, as the services of these names, and by the proxy for faults."""
+HOSTS = ("localhost", "127.0.0.1", "::1", "router", "wires")
+"""Names under which router and agents are reached: here, as the services of these names, and by the proxy for
+faults."""
 _SERVER, _CLIENT = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
 
 
@@ -67,7 +69,7 @@ def issue(
 ) -> None:
     """Write certificate and private key of an identity; with `hosts` it may listen there, else only connect.
 
-    `name`: the common name, where it is not the identity. `joins`: who listens may connect, too (linked routers).
+    `name`: the common name, where it is not the identity. `joins`: who listens may connect, too (linked agents).
     """
     key = ec.generate_private_key(ec.SECP256R1())
     uses = ([_SERVER, _CLIENT] if joins else [_SERVER]) if hosts else [_CLIENT]

@@ -33,7 +33,7 @@ class Links:
                 f" {wiring.agent} is linked with {', '.join(wiring.peers)}"
             )
         self._keys, self._name = options.keys, wiring.agent
-        self.at = options.agents[wiring.agent]
+        self.at = options.listen or options.agents[wiring.agent]
         self._neighbours = tuple(options.agents[peer] for peer in wiring.peers)
         self._age: object = None
         self._settings()

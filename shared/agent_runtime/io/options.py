@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 
 AGENTS_VARIABLE = "ROCO_AGENTS"
+LISTEN_VARIABLE = "ROCO_LISTEN"
 USAGE_ERROR = 2
 """Exit status of a service after a wrong option or environment: trying again cannot help, and no supervisor does."""
 
@@ -19,7 +20,7 @@ class Linking(StrEnum):
 
 HOW_LINKED = (
     "direct: agents are linked with each other, and the router is for tools alone. router: they meet at the router."
-    " Else direct, where all agents and one router start here with new keys."
+    " Else direct, where it is told or known where each agent listens."
 )
 """The help of the option `--links`."""
 
@@ -27,22 +28,19 @@ HOW_LINKED = (
 class Options(msgspec.Struct, frozen=True, kw_only=True):
     """`agents`: where each agent is reached, if they are linked with each other; {}: they meet at the router.
 
-    `connect`: the router's endpoint, or those of two linked routers, comma between; `listen`: where the router itself
-    listens, several with a comma between; `name`: which of two routers it is; `run_dir`: files of this run.
+    `connect`: the router's endpoint; `listen`: where a router or a linked agent itself listens, of a router several
+    with a comma between; "": a router at `connect`, an agent where `agents` has it; `run_dir`: files of this run.
 
-    `systems`: of a router or recorder that serves several robots, else () and `system` alone; `links`: endpoints of
-    other routers that the router joins. `speed`: "1" (simulated time is real time) or "max"; `seed`: varies poses and
-    noise; `scene`: a scene's TOML file, None for the canonical one. `keys`: folder of keys (secured.py): sessions are
-    encrypted and say who they are; None: they are not. `replay`: a step log that an agent
-    runs again instead of serving (step_replay.py).
+    `systems`: of a router or recorder that serves several robots, else () and `system` alone. `speed`: "1"
+    (simulated time is real time) or "max"; `seed`: varies poses and noise; `scene`: a scene's TOML file, None for the
+    canonical one. `keys`: folder of keys (secured.py): sessions are encrypted and say who they are; None: they are not.
+    `replay`: a step log that an agent runs again instead of serving (step_replay.py).
     """
 
     connect: str = "tcp/127.0.0.1:7447"
-    listen: str = "tcp/127.0.0.1:7447"
-    name: str = "router"
+    listen: str = ""
     system: str = "roco"
     systems: tuple[str, ...] = ()
-    links: tuple[str, ...] = ()
     run_dir: Path = Path("runs/manual")
     log_level: str = "info"
     speed: str = "1"
@@ -51,11 +49,6 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     keys: Path | None = None
     agents: dict[str, str] = {}
     replay: Path | None = None
-
-    @property
-    def linked(self) -> bool:
-        """Whether `connect` names several routers, of which any will do."""
-        return "," in self.connect
 
     @property
     def all_systems(self) -> tuple[str, ...]:

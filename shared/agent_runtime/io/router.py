@@ -4,7 +4,6 @@ import signal
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import zenoh
 
@@ -13,7 +12,7 @@ from agent_runtime.io.one_reader import OneReaderEvent
 from agent_runtime.io.options import Options
 from agent_runtime.io.pulse import PERIOD_S, Pulse
 from agent_runtime.io.run_files import make_run
-from agent_runtime.io.secured import KeysError, age, granted, revoked, rights_of, router_tls
+from agent_runtime.io.secured import ROUTER, KeysError, age, granted, revoked, rights_of, router_tls
 from agent_runtime.io.sessions import close, open_router
 
 KEYS_S = 10.0
@@ -28,16 +27,16 @@ def serve(options: Options) -> int:
     """
     run = options.run_dir
     make_run(run)
-    log = Log(options.name, options.log_level, run / "logs" / f"{options.name}.jsonl")
+    log = Log(ROUTER, options.log_level, run / "logs" / f"{ROUTER}.jsonl")
     ended = OneReaderEvent()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
-    ready, pulse = run / f"{options.name}.ready", Pulse(run, options.name)
+    ready, pulse = run / f"{ROUTER}.ready", Pulse(run, ROUTER)
     try:
         while not ended.is_set():
             _listen(options, log, ready, pulse, ended)
     except (zenoh.ZError, KeysError) as error:
-        log.write("cannot listen", level="error", at=options.listen, why=str(error))
+        log.write("cannot listen", level="error", at=_at(options), why=str(error))
         return 1
     finally:
         ready.unlink(missing_ok=True)
@@ -55,14 +54,12 @@ def _listen(options: Options, log: Log, ready: Path, pulse: Pulse, ended: OneRea
     ready.unlink(missing_ok=True)  # of an earlier life; its time of change counts
     _tell_ready(ready, options)
     denied = revoked(options.keys) if options.keys is not None else ()
-    log.write("listening", at=options.listen, links=options.links, revoked=" ".join(denied))
-    told = _tell_links(session, log)
+    log.write("listening", at=_at(options), revoked=" ".join(denied))
     while not ended.wait(PERIOD_S) and _age(options) in (keys, None):
         pulse.beat()
         _tell_ready(ready, options)
     if not ended.is_set():
         log.write("the keys were renewed, or one was revoked")
-    told.undeclare()
     close(session)
 
 
@@ -70,7 +67,7 @@ def _tell_ready(ready: Path, options: Options) -> None:
     """Write the ready file where it is not there; on a full disk it waits for the next turn, and nothing else does."""
     if not ready.exists() or not ready.stat().st_size:
         with suppress(OSError):
-            ready.write_text(options.listen)
+            ready.write_text(_at(options))
 
 
 def _awaited(options: Options, pulse: Pulse, ended: OneReaderEvent) -> tuple[int, int] | None:
@@ -82,27 +79,18 @@ def _awaited(options: Options, pulse: Pulse, ended: OneReaderEvent) -> tuple[int
 
 
 def _age(options: Options) -> tuple[int, int] | None:
-    """Return the age of this router's keys, of those that are made together the last ones; None: there are none."""
-    return None if options.keys is None else age(options.keys, options.name)
+    """Return the age of the router's keys, of those that are made together the last ones; None: there are none."""
+    return None if options.keys is None else age(options.keys, ROUTER)
 
 
 def _opened(options: Options) -> zenoh.Session:
     if options.keys is None:
-        return open_router(options.listen, links=options.links)
+        return open_router(_at(options))
     zenoh.init_log_from_env_or("warn")
     rights = rights_of(options.keys, *options.all_systems)
     rules = granted(rights.access_control, revoked(options.keys))
-    tls = router_tls(options.keys, options.name, joins=bool(options.links))
-    return open_router(options.listen, tls, rules, options.links)
+    return open_router(_at(options), router_tls(options.keys), rules)
 
 
-def _tell_links(session: zenoh.Session, log: Log) -> Any:
-    """Log each other router that is joined or lost, in either direction of the connection."""
-
-    def linked(event: zenoh.TransportEvent) -> None:
-        if event.transport.whatami == zenoh.WhatAmI.ROUTER:
-            joined = event.kind == zenoh.SampleKind.PUT
-            words = ("another router joined", "info") if joined else ("another router is lost", "warning")
-            log.write(words[0], level=words[1], router=str(event.transport.zid))
-
-    return session.info.declare_transport_events_listener(linked, history=True)
+def _at(options: Options) -> str:
+    return options.listen or options.connect

@@ -21,8 +21,6 @@ LINKS = ".links.json"
 """After the name of an agent: its rules for its neighbours, where agents are linked directly."""
 REVOKED = "revoked.json"
 ROUTER = "router"
-ROUTERS = (ROUTER, "router-2")
-"""As topdown.model.rights has them (a test compares)."""
 SEND_BUFFER_BYTES = 1_000_000
 """Of the socket of a TLS link. With a size of its own, a busy sender learns of a cut cable within 2.0 to 2.6 s
 (212,992 to 4,000,000 bytes tried); without one, when the cable is back: the close waits for a stuck write (measured).
@@ -69,16 +67,20 @@ def client_tls(folder: Path, identity: str) -> dict[str, Any]:
 
 def links_tls(folder: Path, identity: str) -> dict[str, Any]:
     """`transport/link/tls` of an agent that listens to its neighbours, and dials them. Raises KeysError."""
-    return router_tls(folder, identity, joins=True)
+    certificate, key = _pair(folder, identity)
+    return router_tls(folder, identity) | {
+        "connect_certificate": certificate,
+        "connect_private_key": key,
+        "verify_name_on_connect": True,
+    }
 
 
-def router_tls(folder: Path, identity: str = ROUTER, *, joins: bool = False) -> dict[str, Any]:
+def router_tls(folder: Path, identity: str = ROUTER) -> dict[str, Any]:
     """`transport/link/tls` of the router: a client without a certificate of this authority is refused. Raises
-    KeysError. `joins`: it is a client of other routers, too, by the same certificate.
+    KeysError.
     """
     certificate, key = _pair(folder, identity)
-    joining = {"connect_certificate": certificate, "connect_private_key": key, "verify_name_on_connect": True}
-    return (joining if joins else {}) | {
+    return {
         "root_ca_certificate": _file(folder / AUTHORITY),
         "enable_mtls": True,
         "listen_certificate": certificate,

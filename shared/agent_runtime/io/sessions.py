@@ -36,10 +36,6 @@ messages of 852 kB; so all 150, three times (measured).
 """
 CLOSE_S = 3.0
 """For a session to close; estimate: it takes some ms, and the supervisor kills an agent that needs more than 5 s."""
-OPEN_MS = LEASE_MS
-"""Longest try of one of two routers. One that hangs still takes connections, and Zenoh's 10 s would be waited for
-before the other is tried: 4 instead of 12 s of silence where the first one of the list hangs (measured).
-"""
 LINK_PATIENCE_MS = 300
 """Longest time that a frozen neighbour holds up what is put to it, before the link is closed. With 2000 ms a thread
 that put to a healthy neighbour waited for 1.1 s, too; with 100 to 500 ms for 1 to 10 ms (measured)."""
@@ -47,8 +43,8 @@ MORE_SESSIONS = 20
 """Sessions at a router beside as many as there are identities; more are refused. Estimate: a dozen verbs of
 `roco` that listen, and processes that come back before their last session has ended.
 
-The companion's twelve identities, of two routers, may have 32 then. With an unfinished message of 7.9 MB in each of 30
-sessions a router took 231 MiB (measured); its container has 256.
+The companion's eleven identities may have 31 then. With an unfinished message of 7.9 MB in each of 30 sessions the
+router took 231 MiB (measured); its container has 256.
 """
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 _DROPPED_AT_LAST = {
@@ -66,19 +62,15 @@ _NO_SCOUTING = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
 
 
 def client_config(endpoint: str, tls: dict[str, Any] | None = None) -> zenoh.Config:
-    """Configuration of every agent. `endpoint` like tcp/127.0.0.1:7447; with `tls` (secured.client_tls) tls/...
-
-    Of two linked routers, comma between, it has a session to one, and goes to the other when that is lost.
+    """Configuration of a client of the router. `endpoint` like tcp/127.0.0.1:7447; with `tls` (secured.client_tls)
+    tls/...
     """
-    endpoints = endpoint.split(",")
     parts: dict[str, Any] = {
         "mode": "client",
-        "connect": {"endpoints": endpoints, "timeout_ms": 0, "retry": _RETRY},
+        "connect": {"endpoints": [endpoint], "timeout_ms": 0, "retry": _RETRY},
         "scouting": _NO_SCOUTING,
         "transport": _transport(tls, CLIENT_PATIENCE_MS, router=False),
     }
-    if len(endpoints) > 1:
-        parts["transport"]["unicast"] = {"open_timeout": OPEN_MS}
     return zenoh.Config.from_json5(json.dumps(parts))
 
 
@@ -110,17 +102,14 @@ def router_config(
     endpoint: str,
     tls: dict[str, Any] | None = None,
     access_control: dict[str, Any] | None = None,
-    links: tuple[str, ...] = (),
 ) -> zenoh.Config:
     """Configuration of the fleet's router. With keys (secured.router_tls) it grants the rights of `access_control`.
 
     `endpoint`: several, comma between, are independent: a flood of handshakes at one locks that one alone.
-    `links`: endpoints of other routers; it listens whether they are there or not, and joins them whenever they are.
     """
     parts: dict[str, Any] = {
         "mode": "router",
         "listen": {"endpoints": endpoint.split(",")},
-        "connect": {"endpoints": list(links), "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY},
         "scouting": _NO_SCOUTING,
         "transport": _transport(tls, ROUTER_PATIENCE_MS, router=True),
         "adminspace": {"enabled": True},
@@ -161,11 +150,10 @@ def open_router(
     endpoint: str,
     tls: dict[str, Any] | None = None,
     access_control: dict[str, Any] | None = None,
-    links: tuple[str, ...] = (),
 ) -> zenoh.Session:
     """A router in this process; when this returns it listens. Raises zenoh.ZError where the address is taken."""
     keep_memory()
-    return zenoh.open(router_config(endpoint, tls, access_control, links))
+    return zenoh.open(router_config(endpoint, tls, access_control))
 
 
 def open_links(

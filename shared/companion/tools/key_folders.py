@@ -3,15 +3,10 @@
 from pathlib import Path
 
 from agent_runtime.io.issuing import seats
-from agent_runtime.io.secured import ROUTERS
 from companion.design import DESIGN
 
 ONE, TWO = ("roco",), ("velma1", "velma2")
 """Systems of deploy/compose.yaml, and of compose.two.yaml beside it."""
 FOLDERS = sorted(
-    {
-        str(seat.folder)
-        for systems in (ONE, TWO)
-        for seat in seats(Path("/keys"), DESIGN, systems, apart=True, routers=len(ROUTERS))
-    }
+    {str(seat.folder) for systems in (ONE, TWO) for seat in seats(Path("/keys"), DESIGN, systems, apart=True)}
 )

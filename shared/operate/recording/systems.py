@@ -1,4 +1,4 @@
-"""Folders of the recordings of several systems: robots at one router, or at routers that are linked, and one monitor.
+"""Folders of the recordings of several systems: robots at one router, and one monitor.
 
 With one system its recording is in the run folder itself; with several each has the folder of its name therein, which
 may be the run folder of that robot's fleet, and its step logs are there then.

@@ -13,13 +13,13 @@ import typer
 
 from agent_runtime.io.cli import Level, Speed, endpoints
 from agent_runtime.io.forked import FORKS_VARIABLE
-from agent_runtime.io.options import AGENTS_VARIABLE, HOW_LINKED, USAGE_ERROR, Linking
+from agent_runtime.io.options import AGENTS_VARIABLE, HOW_LINKED, LISTEN_VARIABLE, USAGE_ERROR, Linking
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
-from agent_runtime.io.secured import ROUTERS, links_file
+from agent_runtime.io.secured import ROUTER, links_file
 from operate.supervisor import folder, wiring
 from operate.supervisor.forking import FORKS_FILE, forking
 from operate.supervisor.keeping import KeptError, kept
-from operate.supervisor.processes import Process, linked
+from operate.supervisor.processes import Process
 from operate.supervisor.securing import DAYS, Keys
 from operate.supervisor.shell import Shell, end_left
 from operate.system import NoSystemError, here
@@ -31,12 +31,7 @@ def main(
     system: Annotated[
         str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot; else the system's own.")
     ] = "",
-    connect: Annotated[
-        str, typer.Option(envvar="ROCO_CONNECT", help="The router's address, of two comma between; empty: a free port.")
-    ] = "",
-    routers: Annotated[
-        int, typer.Option(min=1, max=len(ROUTERS), help="2: linked, and the fleet goes on when one of them dies.")
-    ] = 1,
+    connect: Annotated[str, typer.Option(envvar="ROCO_CONNECT", help="The router's address; empty: a free port.")] = "",
     links: Annotated[Linking | None, typer.Option(help=HOW_LINKED)] = None,
     agents: Annotated[
         str,
@@ -86,22 +81,21 @@ def main(
         try:
             bound = here()
             system = system or bound.name
-            processes = chosen(only, linked(bound.processes) if routers > 1 else bound.processes)
+            processes = chosen(only, bound.processes)
             possible = bound.addition("options")
             if possible is not None:
                 possible(tuple(process.name for process in processes), scene, seed)
-            routing = tuple(process.name for process in processes if process.name in ROUTERS)
-            two, told = routers > 1, endpoints(agents)
+            routing, told = ROUTER in (process.name for process in processes), endpoints(agents)
             own = tuple(process.name for process in processes if process.name in bound.design.agents)
             given = Path(keys) if keys and not insecure else None
-            why_not = unlinkable(bound.design, own, told, given, two=two, routed=bool(routing))
+            why_not = unlinkable(bound.design, own, told, given, routed=routing)
             if (links is Linking.DIRECT or told) and why_not:
                 raise ValueError(why_not)
             direct = links is not Linking.ROUTER and not why_not
             if check:
                 return
             stack.enter_context(kept(run))
-            end_left(run, linked(bound.processes), system)
+            end_left(run, bound.processes, system)
             folder.make(run, latest=latest)
             made = Keys(
                 run,
@@ -111,7 +105,6 @@ def main(
                 keys,
                 insecure=insecure,
                 here=routing,
-                linked=two,
                 agents=dict.fromkeys(own, "") | told if direct else {},
                 days=key_days,
             )
@@ -125,6 +118,8 @@ def main(
             RUN_FOLDER_VARIABLE: str(run),
             "ROCO_SYSTEM": system,
             "ROCO_CONNECT": made.own,
+            # A place of its own has one process alone: in a container its only agent.
+            LISTEN_VARIABLE: os.environ.get(LISTEN_VARIABLE, "") if len(own) == 1 else "",
             AGENTS_VARIABLE: ",".join(f"{name}={endpoint}" for name, endpoint in made.agents.items()),
             "ROCO_SPEED": speed.value,
             "ROCO_SEED": str(seed),
@@ -136,7 +131,7 @@ def main(
             "PYTHONSAFEPATH": "1",
         }
         options |= bound.environment(run)
-        apart = made.routers
+        apart = {ROUTER: {LISTEN_VARIABLE: made.listen}} if routing else {}
         if faults:
             processes, wires = wiring.wired(processes, bound.design, made.own, made.agents, run)
             apart |= wires
@@ -156,27 +151,23 @@ def main(
         shell.serve()
 
 
-def unlinkable(
-    design: Design, own: tuple[str, ...], told: dict[str, str], keys: Path | None, *, two: bool, routed: bool
-) -> str:
+def unlinkable(design: Design, own: tuple[str, ...], told: dict[str, str], keys: Path | None, *, routed: bool) -> str:
     """Return why the agents `own` that are started here cannot be linked directly, "" where they can.
 
     `told`: endpoints of agents; {}: all are here. `keys`: those that are given, None: they are made here, or there are
     none. `routed`: a router is started here.
     """
     wanted = {peer for name in own for peer in design.peers(name)} if told else {*design.agents}
-    elsewhere = sorted(wanted - {*own, *told}) or ([] if told or routed or keys else [ROUTERS[0]])
+    elsewhere = sorted(wanted - {*own, *told}) or ([] if told or routed or keys else [ROUTER])
     if elsewhere:
         return (
             f"--links direct: {', '.join(elsewhere)} would be elsewhere; --agents tells where agents elsewhere listen"
         )
-    if two:
-        return "--links direct wants one router: no agent needs it, so a second one is of no use"
     without = [name for name in own if keys is not None and not links_file(keys, name).exists()]
     if without:
         return (
             f"--links direct: {keys} has no rules of {', '.join(without)} for its neighbours;"
-            " `roco keys make --links direct` makes keys that have"
+            " `roco keys make` makes keys that have"
         )
     return ""
 

@@ -7,7 +7,7 @@ is not ready they are started without it, each by an interpreter of its own.
 import msgspec
 
 from agent_runtime.io import forked
-from agent_runtime.io.secured import ROUTERS
+from agent_runtime.io.secured import ROUTER
 from operate.supervisor.processes import RECORDS_S, Process
 
 PATIENCE_S = 30.0  # estimate: its imports take 2 s, and 12 s on a slow machine at a load of 3
@@ -18,9 +18,9 @@ FORKS_FILE = "forks.sock"
 def forking(processes: tuple[Process, ...]) -> tuple[Process, ...]:
     """Return the processes with the fork server before those that it makes.
 
-    Routers, which others wait for, start beside it.
+    The router, which others wait for, starts beside it.
     """
-    made = [one for one in processes if one.forked and one.name not in ROUTERS]
+    made = [one for one in processes if one.forked and one.name != ROUTER]
     if len(made) < 2:
         return processes
     modules = (name for one in made for name in (program(one), *one.workers))

@@ -2,8 +2,6 @@
 
 import msgspec
 
-from agent_runtime.io.secured import ROUTERS
-
 ORDERLY_STOP_S = 5.0  # estimate: an agent closes its session and its journal in well under a second
 SILENT_S = 6.0  # estimate: six heartbeats
 RECORDS_S = 20.0  # estimate: the monitor works at a low priority, and reads large content amid its heartbeats
@@ -44,17 +42,6 @@ def around(router: str = "operate.router", monitor: str = "operate.recording") -
         Process("router", router),
         Process("monitor", monitor, after=("router",), optional=True, stop_within_s=REPORT_S, hangs_s=RECORDS_S),
     )
-
-
-def linked(processes: tuple[Process, ...]) -> tuple[Process, ...]:
-    """Return the processes with a second router, which the others wait for and outlive as the first, if it comes up."""
-    first, second = ROUTERS
-    found: list[Process] = []
-    for one in processes:
-        found.append(msgspec.structs.replace(one, after=(*one.after, second)) if first in one.after else one)
-        if one.name == first:
-            found.append(msgspec.structs.replace(one, name=second, optional=True))
-    return tuple(found)
 
 
 def agents(package: str, *names: str) -> tuple[Process, ...]:

@@ -1,4 +1,4 @@
-"""Keys of the processes of a fleet, and the address at which they meet: TLS, unless it is forbidden.
+"""Keys of the processes of a fleet, and the address of their router: TLS, unless it is forbidden.
 
 The process that starts the router makes the keys, in the run folder: new ones at each start, and before they expire. A
 supervisor of a part of the fleet takes those that it is given.
@@ -15,10 +15,9 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from agent_runtime.io.cli import listed
 from agent_runtime.io.reaching import require_loopback
 from agent_runtime.io.run_files import KEYS_FOLDER
-from agent_runtime.io.secured import ROUTERS, key_file
+from agent_runtime.io.secured import ROUTER, key_file
 from operate.wires.files import place
 from topdown.model.design import Design
 
@@ -37,11 +36,11 @@ _KEPT: list[socket.socket] = []
 
 
 class Keys:
-    """Addresses of the routers, and the folder of keys: None where nothing is encrypted.
+    """The router's address, and the folder of keys: None where nothing is encrypted.
 
-    `own`: where the processes of this host meet, of two routers comma between; `routers`: the settings of each that is
-    started here. One that others reach, too, has a listener on loopback for its own: a flood of handshakes locks the
-    listener that it hits, and no other. `agents`: where each agent is reached, where they are linked.
+    `own`: where the processes of this host meet; `listen`: where the router listens that is started here. One that
+    others reach, too, has a listener on loopback for its own: a flood of handshakes locks the listener that it hits,
+    and no other. `agents`: where each agent is reached, where they are linked.
     """
 
     def __init__(
@@ -53,67 +52,43 @@ class Keys:
         given: str,
         *,
         insecure: bool,
-        here: tuple[str, ...],
-        linked: bool = False,
+        here: bool,
         agents: Mapping[str, str] | None = None,
         days: float = DAYS,
     ) -> None:
         """Begin to make them, where a router is started here and none are given.
 
-        `connect`: the addresses asked for, "" for free ports here; `given`: a folder of keys that are there; `here`:
-        the routers that are started here; `linked`: there are two; `agents`: those that are linked directly, each with
-        its endpoint, "" for a free port here. ValueError where addresses and keys do not fit.
+        `connect`: the address asked for, "" for a free port here; `given`: a folder of keys that are there; `here`:
+        whether the router is started here; `agents`: those that are linked directly, each with its endpoint, "" for a
+        free port here. ValueError where address and keys do not fit.
         """
         self._design, self._system, self._days, self._direct = design, system, days, bool(agents)
         self._from, self._due = -float("inf"), float("inf")
-        self._routers = len(ROUTERS) if linked else 1
-        mine = bool(here) and not given and not insecure
+        mine = here and not given and not insecure
         self.folder = run / KEYS_FOLDER if mine else Path(given).resolve() if given and not insecure else None
-        self.addresses = listed(connect) or tuple(
-            f"{TLS if self.folder else PLAIN}127.0.0.1:{free_port()}" for _ in range(self._routers)
-        )
         scheme = TLS if self.folder else PLAIN
+        self.address = connect or f"{scheme}127.0.0.1:{free_port()}"
         self.agents = {name: at or f"{scheme}127.0.0.1:{free_port()}" for name, at in (agents or {}).items()}
-        self._fit(here, mine=mine)
-        self.own, self.routers = self._met(here)
+        self._fit()
+        self.own = self.listen = self.address
+        if here and place(self.address)[0] not in LOOPBACK:
+            self.own = f"{self.address.partition('/')[0]}/127.0.0.1:{free_port()}"
+            self.listen = f"{self.address},{self.own}"
         self._making = threading.Thread(target=self._begin, name="keys", daemon=True)
         self._failed: Exception | None = None
         self._tried: float | None = None
         if self.folder and mine:
-            for name in ROUTERS:  # of the last start: a router waits for a new one
-                key_file(self.folder, name).unlink(missing_ok=True)
+            key_file(self.folder, ROUTER).unlink(missing_ok=True)  # of the last start: the router waits for a new one
             self._making.start()
 
-    def _fit(self, here: tuple[str, ...], *, mine: bool) -> None:
-        """Raise ValueError where the addresses do not go with each other, or with the keys."""
-        for address in self.addresses:
-            if self.folder and not address.startswith(TLS):
-                raise ValueError(f"with keys the router's address begins with {TLS}, {address!r} not; or --insecure")
-            if not self.folder and address.startswith(TLS):
-                raise ValueError(f"{address!r} wants keys, and there are none: --keys names their folder")
-        if mine and self._routers > 1 and len(here) < self._routers:
-            raise ValueError(
-                f"only {', '.join(here)} of the routers is started here: the other needs keys of the same authority;"
-                " `roco keys make --routers 2`, then --keys at both hosts"
-            )
-        if self._routers > 1 and len(self.addresses) != self._routers:
-            raise ValueError(
-                f"{self._routers} routers want an address each, comma between; {self.addresses[0]!r} is"
-                f" {len(self.addresses)}; without an address they get free ports"
-            )
-
-    def _met(self, here: tuple[str, ...]) -> tuple[str, dict[str, dict[str, str]]]:
-        """Return where the processes of this host meet, and the settings of each router that is started here."""
-        own, settings = list(self.addresses), {}
-        for number, (name, address) in enumerate(zip(ROUTERS, self.addresses, strict=False)):
-            if name not in here:
-                continue
-            listen = address
-            if place(address)[0] not in LOOPBACK:
-                own[number] = f"{address.partition('/')[0]}/127.0.0.1:{free_port()}"
-                listen = f"{address},{own[number]}"
-            settings[name] = {"ROCO_NAME": name, "ROCO_LISTEN": listen} | ({"ROCO_LINK": own[0]} if number else {})
-        return ",".join(own), settings
+    def _fit(self) -> None:
+        """Raise ValueError where the address and the keys do not go together."""
+        if "," in self.address:
+            raise ValueError(f"{self.address!r} names several routers: a fleet has one")
+        if self.folder and not self.address.startswith(TLS):
+            raise ValueError(f"with keys the router's address begins with {TLS}, {self.address!r} not; or --insecure")
+        if not self.folder and self.address.startswith(TLS):
+            raise ValueError(f"{self.address!r} wants keys, and there are none: --keys names their folder")
 
     def _begin(self) -> None:
         try:
@@ -150,21 +125,20 @@ class Keys:
 
     def _there(self) -> bool:
         """Whether keys that were made here are still there; none were made where none shall be."""
-        return self._due == float("inf") or any(key_file(self.folder or Path(), name).exists() for name in ROUTERS)
+        return self._due == float("inf") or key_file(self.folder or Path(), ROUTER).exists()
 
     def _make(self) -> dt.datetime:
         from agent_runtime.io import issuing, keys
 
         assert self.folder is not None
-        hosts = tuple(dict.fromkeys((*keys.HOSTS, *(place(one)[0] for one in self.addresses))))
-        systems, count, now = (self._system,), self._routers, dt.datetime.fromtimestamp(time.time(), dt.UTC)
+        hosts = tuple(dict.fromkeys((*keys.HOSTS, place(self.address)[0])))
+        systems, now = (self._system,), dt.datetime.fromtimestamp(time.time(), dt.UTC)
         made = issuing.issue(
             self.folder,
             self._design,
             systems,
             days=self._days,
             hosts=hosts,
-            routers=count,
             direct=self._direct,
             now=now,
         )

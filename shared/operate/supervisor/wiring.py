@@ -1,10 +1,11 @@
-"""A fleet with wires, for `roco up --faults`: agents reach routers and each other by them, and have own clocks."""
+"""A fleet with wires, for `roco up --faults`: agents reach the router and each other by them, and have own clocks."""
 
 from pathlib import Path
 
 import msgspec
 
 from agent_runtime.io.options import AGENTS_VARIABLE
+from agent_runtime.io.secured import ROUTER
 from operate.supervisor.processes import Process
 from operate.supervisor.securing import free_port
 from operate.wires import clocks, files
@@ -19,22 +20,22 @@ def wired(
 ) -> tuple[tuple[Process, ...], dict[str, dict[str, str]]]:
     """Return the processes with the wires' own among them, and the variables that agents get apart; wires.json is told.
 
-    `connect`: the routers' addresses; `agents`: those of agents that are linked with each other. Agents start after the
+    `connect`: the router's address; `agents`: those of agents that are linked with each other. Agents start after the
     wires, and end before them.
     """
-    routers, link = files.routers(connect), connect.partition("/")[0]
+    link = connect.partition("/")[0]
     places = {name: files.place(address) for name, address in agents.items()}
     wires = files.Wires(
-        routers | places,
+        {ROUTER: files.place(connect)} | places,
         {
-            one.name: {end: free_port() for end in (*routers, *(set(design.peers(one.name)) & set(places)))}
+            one.name: {end: free_port() for end in (ROUTER, *(set(design.peers(one.name)) & set(places)))}
             for one in processes
             if one.name in design.agents
         },
     )
     files.tell(run, wires)
     first = next((n for n, one in enumerate(processes) if one.name in wires.ports), len(processes))
-    before = tuple(one.name for one in processes[:first] if one.name in routers)
+    before = tuple(one.name for one in processes[:first] if one.name == ROUTER)
     behind = (
         msgspec.structs.replace(one, after=(*one.after, WIRES.name)) if one.name in wires.ports else one
         for one in processes[first:]
@@ -45,7 +46,7 @@ def wired(
         reached = {end: f"{link}/127.0.0.1:{port}" for end, port in ports.items()}
         seen = agents | {end: at for end, at in reached.items() if end in agents}
         apart[name] = {
-            CONNECT: ",".join(reached[router] for router in routers),
+            CONNECT: reached[ROUTER],
             AGENTS_VARIABLE: ",".join(f"{end}={at}" for end, at in seen.items()),
             **own.get(name, {}),
         }

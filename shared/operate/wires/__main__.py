@@ -36,7 +36,7 @@ class Board:
 
 async def forward(options: Options) -> int:
     """Forward until SIGTERM. 0: ended in order; 1: no wires are told."""
-    if (listed := files.listed(options.connect, options.listen)) is not None:
+    if (listed := files.listed(options.connect, options.agents, options.listen)) is not None:
         options.run_dir.mkdir(parents=True, exist_ok=True)
         files.tell(options.run_dir, listed)
     wires = files.told(options.run_dir)

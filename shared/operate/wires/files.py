@@ -1,23 +1,25 @@
 """Files of the run folder by which supervisor, `roco fault` and the proxy communicate.
 
-wires.json: where routers and linked agents listen, and each agent's ports of the proxy; written by the supervisor.
+wires.json: where the router and linked agents listen, and each agent's ports of the proxy; written by the supervisor.
 NAME.KIND.wire: a condition of the wires of NAME while the file is there, its amount as text. The wires of an agent are
-all its links; those of a router are all agents' to it; those of a pair, such as co-pl, are the link of the two.
+all its links; those of the router are all agents' to it; those of a pair, such as co-pl, are the link of the two.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io import cli
 from agent_runtime.io.run_files import write_whole
-from agent_runtime.io.secured import ROUTERS
+from agent_runtime.io.secured import ROUTER
 
 WIRES_FILE, SUFFIX = "wires.json", ".wire"
 
 
 class Wires(msgspec.Struct, frozen=True):
-    """`ends`: where routers and linked agents listen (host, port); `ports`: agent -> end -> where the proxy listens, at
-    `bind`.
+    """`ends`: where the router and linked agents listen (host, port); `ports`: agent -> end -> where the proxy listens,
+    at `bind`.
     """
 
     ends: dict[str, tuple[str, int]]
@@ -30,13 +32,12 @@ class Wires(msgspec.Struct, frozen=True):
         return tuple(f"{agent}-{end}" for agent, ends in self.ports.items() for end in ends if end in self.ports)
 
     def missing(self, name: str) -> str:
-        """Return why no wire has that name, or "" if one has; a router stands for all wires to it."""
+        """Return why no wire has that name, or "" if one has; the router stands for all wires to it."""
         if name in (*self.ends, *self.ports, *self.pairs):
             return ""
-        routers = [f"{one} for all to it" for one in self.ends if one not in self.ports]
         pairs = sorted({"-".join(sorted(one.split("-"))) for one in self.pairs})
         links = f", and the links {', '.join(pairs)}" if pairs else ""
-        return f"{name} has no wire; there are {', '.join([*self.ports, *routers])}{links}"
+        return f"{name} has no wire; there are {', '.join(self.ports)}, {ROUTER} for all to it{links}"
 
 
 class Conditions(msgspec.Struct, frozen=True):
@@ -63,29 +64,21 @@ def told(run: Path) -> Wires | None:
         return None
 
 
-def listed(connect: str, listen: str) -> Wires | None:
+def listed(connect: str, agents: Mapping[str, str], listen: str) -> Wires | None:
     """Return the wires that variables tell, as in containers; None where `listen` names no agent.
 
-    `connect`: the routers' endpoints; `listen`: of each agent a port for each router, `hi@0.0.0.0:7451+7461,co@...`.
-    ValueError: a port is not a number.
+    `connect`: the router's endpoint; `agents`: those of linked agents; `listen`: of each agent the ports of the proxy
+    by which it reaches the router and its neighbours, `hi@0.0.0.0:router=7511+co=7512,co@...`. ValueError: a port is
+    not a number.
     """
     if "@" not in listen:
         return None
-    ends = routers(connect)
-    places = dict(one.split("@", 1) for one in listen.split(","))
-    return Wires(
-        ends,
-        {
-            agent: {name: int(port) for name, port in zip(ends, where.rpartition(":")[2].split("+"), strict=True)}
-            for agent, where in places.items()
-        },
-        listen.partition("@")[2].partition(":")[0],
-    )
-
-
-def routers(connect: str) -> dict[str, tuple[str, int]]:
-    """Return host and port of each router, from their addresses, such as tls/127.0.0.1:7447,tls/[::1]:7448."""
-    return dict(zip(ROUTERS, map(place, connect.split(",")), strict=False))
+    ports, bind = {}, ""
+    for one in cli.listed(listen):
+        agent, _, where = one.partition("@")
+        bind, _, pairs = where.rpartition(":")
+        ports[agent] = {end: int(port) for end, _, port in (pair.partition("=") for pair in pairs.split("+"))}
+    return Wires({name: place(at) for name, at in {ROUTER: connect, **agents}.items()}, ports, bind)
 
 
 def place(address: str) -> tuple[str, int]:

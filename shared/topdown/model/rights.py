@@ -21,8 +21,6 @@ from topdown.model.elements import Signal
 
 ROUTER = "router"
 """The identity of the router: it listens, and has no right as a client."""
-ROUTERS = (ROUTER, "router-2")
-"""Two that are linked; the second joins the first."""
 _INCARNATION = "{incarnation}"
 _PEER = "{peer}"
 
@@ -60,10 +58,10 @@ class Family(msgspec.Struct, frozen=True, order=True):
     token: bool = False
 
 
-def identities(design: Design, routers: int = 1) -> tuple[str, ...]:
-    """Return agents, then other readers and writers, then the routers: each has a certificate of its own."""
+def identities(design: Design) -> tuple[str, ...]:
+    """Return agents, then other readers and writers, then the router: each has a certificate of its own."""
     others = [name for signal in design.signals.values() for name in (*signal.writers, *signal.readers)]
-    return tuple(dict.fromkeys([*design.agents, *design.file.system.recorders, *others, *ROUTERS[:routers]]))
+    return tuple(dict.fromkeys([*design.agents, *design.file.system.recorders, *others, ROUTER]))
 
 
 def families(design: Design, system: str) -> tuple[Family, ...]:
@@ -93,47 +91,31 @@ def rights(design: Design, system: str, *, direct: bool = False) -> tuple[Right,
     return tuple(sorted(set(found)))
 
 
-def common_names(
-    design: Design, systems: Sequence[str], *, linked: bool = False, routers: int = 1
-) -> dict[str, tuple[tuple[str, str], ...]]:
+def common_names(design: Design, systems: Sequence[str]) -> dict[str, tuple[tuple[str, str], ...]]:
     """The common name (CN) of each certificate, and as whom it counts: (identity, system) pairs.
 
     One system: the CN is the identity. Several behind one router: an agent's CN is `<system>.<identity>`, so that the
-    two of a name are told apart; another identity (router, recorders, readers) is one for all systems. `linked`:
-    each system has a router of its own; else `routers` serve them all.
+    two of a name are told apart; another identity (router, recorders, readers) is one for all systems.
     """
-    several = {*design.agents, *([ROUTER] if linked else [])} if len(systems) > 1 else set()
+    several = set(design.agents) if len(systems) > 1 else set()
     found: dict[str, list[tuple[str, str]]] = {}
     for system in systems:
-        for identity in identities(design, routers):
+        for identity in identities(design):
             name = f"{system}.{identity}" if identity in several else identity
             found.setdefault(name, []).append((identity, system))
     return {name: tuple(pairs) for name, pairs in found.items()}
 
 
-def access_control(
-    design: Design, *systems: str, linked: bool = False, routers: int = 1, direct: bool = False
-) -> dict[str, Any]:
+def access_control(design: Design, *systems: str, direct: bool = False) -> dict[str, Any]:
     """The part `access_control` of a Zenoh router's configuration (1.10): subjects are common names of certificates.
 
     Directions are the router's: ingress is what a client sends. A subscription may have wildcards (`_ears`); what then
     reaches the subscriber are only the keys that it has a right to. Subscriptions of others are told to no agent, so a
-    publisher cannot learn who listens. `linked`: each system has a router of its own, and the rules are for each of
-    these; the others are its clients, too. `routers`: 2 are linked and serve all systems. `direct`: agents are linked
-    with each other, and nothing that they say to each other passes here. Raise ValueError for two of these.
+    publisher cannot learn who listens. `direct`: agents are linked with each other, and nothing that they say to each
+    other passes here.
     """
-    if linked + (routers > 1) + direct > 1:
-        raise ValueError(
-            "a router for each system, two for all of them, or agents with direct links: linked, routers and direct"
-            " do not go together"
-        )
-    holders = common_names(design, systems, linked=linked, routers=routers)
-    rules = {name: list(_rules(design, name, pairs, direct=direct)) for name, pairs in holders.items()}
-    if linked:
-        rules |= {f"{one}.{ROUTER}": list(_neighbour(design, one, systems)) for one in systems}
-    if routers > 1:
-        rules |= {name: list(_joined(design, name, systems, systems)) for name in ROUTERS[:routers]}
-    return _control(rules)
+    holders = common_names(design, systems)
+    return _control({name: list(_rules(design, name, pairs, direct=direct)) for name, pairs in holders.items()})
 
 
 def links_control(design: Design, system: str, agent: str, names: dict[str, str]) -> dict[str, Any]:
@@ -195,26 +177,6 @@ def _rules(
     yield from _rule(f"{name} sees", "egress", ["liveliness_token"], keys[Action.WATCH])
     watching = ["liveliness_query", "declare_liveliness_subscriber"]
     yield from _rule(f"{name} looks", "ingress", watching, ears[Action.WATCH])
-
-
-def _neighbour(design: Design, system: str, systems: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Rights of the router of `system` at those of the other systems: of subscriptions are told those that words from
-    there are for, which only recorders and readers of several systems have.
-    """
-    yield from _joined(design, f"{system}.{ROUTER}", [system], [other for other in systems if other != system])
-
-
-def _joined(design: Design, name: str, brings: Sequence[str], takes: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Rights of a router at one that it is linked with: bring what is said in some systems, take what is said in
-    others, and be told the subscriptions that either is for. Who may say it, the router at which it comes in decides.
-    """
-    brought, taken = ([family for one in some for family in families(design, one)] for some in (brings, takes))
-    for told, token in (("put", False), ("liveliness_token", True)):
-        ours, theirs = ([one.key for one in some if one.token is token] for some in (brought, taken))
-        yield from _rule(f"{name} brings {told}", "ingress", [told], ours)
-        yield from _rule(f"{name} takes {told}", "egress", [told], theirs)
-    yield from _rule(f"{name} asks", "ingress", ["declare_subscriber"], [_all_of(design, one) for one in takes])
-    yield from _rule(f"{name} is asked", "egress", ["declare_subscriber"], [_all_of(design, one) for one in brings])
 
 
 def _all_of(design: Design, system: str) -> str:

@@ -56,7 +56,6 @@ FREE = {
     ("*", "timeout"): A_NUMBER,
     ("design export", "faults"): A_NUMBER,
     ("design new", "name"): A_NAME,
-    ("*", "routers"): A_NUMBER,
     ("*", "agents"): A_TEXT,
     ("chaos", "budget"): A_NUMBER,
     ("keys make", "days"): A_NUMBER,

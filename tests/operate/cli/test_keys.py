@@ -18,7 +18,7 @@ RUN = CliRunner()
 
 
 def test_each_identity_gets_its_own_for_as_long_as_asked(tmp_path: Path) -> None:
-    """CN is the identity; it holds for the days given; only the router's names hosts."""
+    """CN is the identity; it holds for the days given; those of router and agents name hosts."""
     done = RUN.invoke(app, ["keys", "make", str(tmp_path), "--days", "2", "--host", "robot.lan", "--format", "json"])
     assert done.exit_code == 0, done.output
     told = json.loads(done.output)
@@ -28,7 +28,7 @@ def test_each_identity_gets_its_own_for_as_long_as_asked(tmp_path: Path) -> None
         assert one.subject.rfc4514_string() == f"CN={name}"
         assert 2.0 <= (one.not_valid_after_utc - one.not_valid_before_utc).total_seconds() / 86400 < 2.01
         hosts = [ext for ext in one.extensions if isinstance(ext.value, x509.SubjectAlternativeName)]
-        assert bool(hosts) == (name == "router")
+        assert bool(hosts) == (name in {"router", *DESIGN.agents})
         if hosts:
             assert "robot.lan" in hosts[0].value.get_values_for_type(x509.DNSName)
     assert client_tls(tmp_path, "co")["enable_mtls"]
@@ -38,7 +38,7 @@ def test_each_identity_gets_its_own_for_as_long_as_asked(tmp_path: Path) -> None
 def test_the_rights_beside_them_are_the_designs(tmp_path: Path) -> None:
     """For the system that is named."""
     assert RUN.invoke(app, ["keys", "make", str(tmp_path), "--system", "velma1"]).exit_code == 0
-    made = Rights(("velma1",), access_control(DESIGN, "velma1"))
+    made = Rights(("velma1",), access_control(DESIGN, "velma1", direct=True))
     wanted = msgspec.json.decode(msgspec.json.encode(made), type=Rights)
     assert rights_of(tmp_path, "velma1") == wanted
 

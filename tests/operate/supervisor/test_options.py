@@ -41,7 +41,6 @@ def supervisor(run: Path, *words: str) -> "subprocess.CompletedProcess[str]":
             ("--only", "router,pl,km", "--agents", "co=tls/desk:1"),
             "--links direct: ta would be elsewhere",
         ),
-        (("--links", "direct", "--routers", "2"), "--links direct wants one router"),
         (("--links", "direct", "--keys", "given"), "given has no rules of"),
     ],
 )

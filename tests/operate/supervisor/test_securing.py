@@ -10,7 +10,7 @@ from cryptography import x509
 
 import agent_runtime.io.keys
 from agent_runtime.io import issuing
-from agent_runtime.io.secured import ROUTERS, rights_of, router_tls
+from agent_runtime.io.secured import rights_of
 from companion.tools.system import SYSTEM
 from operate.supervisor import securing
 from operate.supervisor.securing import AGAIN_S, DAYS, LAST, Keys
@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 def keys(run: Path, connect: str = "", given: str = "", *, insecure: bool = False, router: bool = True) -> Keys:
     """As the command line asks for them, once they are there."""
-    found = Keys(run, SYSTEM.design, "velma7", connect, given, insecure=insecure, here=("router",) if router else ())
+    found = Keys(run, SYSTEM.design, "velma7", connect, given, insecure=insecure, here=router)
     found.made()
     return found
 
@@ -28,7 +28,7 @@ def keys(run: Path, connect: str = "", given: str = "", *, insecure: bool = Fals
 def test_the_default_is_tls_with_keys_of_a_week_in_the_run_folder(tmp_path: Path) -> None:
     """For the system and the host asked for, with modes that let nobody else read them."""
     made = keys(tmp_path, "tls/192.0.2.7:7447")
-    assert (made.addresses[0], made.folder) == ("tls/192.0.2.7:7447", tmp_path / "keys")
+    assert (made.address, made.folder) == ("tls/192.0.2.7:7447", tmp_path / "keys")
     assert rights_of(tmp_path / "keys", "velma7")
     router = x509.load_pem_x509_certificate((tmp_path / "keys/router.pem").read_bytes())
     assert 7.0 <= (router.not_valid_after_utc - router.not_valid_before_utc).total_seconds() / 86400.0 < 7.01
@@ -40,7 +40,7 @@ def test_the_default_is_tls_with_keys_of_a_week_in_the_run_folder(tmp_path: Path
 
 def test_a_free_port_is_reached_by_tls(tmp_path: Path) -> None:
     """A free port is used if no address is asked for."""
-    assert keys(tmp_path).addresses[0].startswith("tls/127.0.0.1:")
+    assert keys(tmp_path).address.startswith("tls/127.0.0.1:")
 
 
 @pytest.mark.parametrize("insecure", [False, True])
@@ -49,55 +49,20 @@ def test_a_router_that_others_reach_has_a_listener_of_its_own_for_this_host(tmp_
     way = "tcp/" if insecure else "tls/"
     made = keys(tmp_path, f"{way}192.0.2.7:7447", insecure=insecure)
     assert made.own.startswith(f"{way}127.0.0.1:")
-    assert made.routers["router"]["ROCO_LISTEN"] == f"{way}192.0.2.7:7447,{made.own}"
+    assert made.listen == f"{way}192.0.2.7:7447,{made.own}"
 
 
 @pytest.mark.parametrize(("connect", "router"), [("tls/127.0.0.1:7447", True), ("tls/router:7447", False)])
 def test_elsewhere_all_meet_at_the_address_that_was_asked_for(tmp_path: Path, connect: str, router: bool) -> None:
     """It is on loopback already, or the router is not started here."""
     made = keys(tmp_path, connect, "some", router=router)
-    assert made.own == connect
-    assert {name: one["ROCO_LISTEN"] for name, one in made.routers.items()} == ({"router": connect} if router else {})
+    assert (made.own, made.listen) == (connect, connect)
 
 
-def linked(run: Path, connect: str = "", here: tuple[str, ...] = ROUTERS, given: str = "") -> Keys:
-    """As the command line asks for them with two routers."""
-    found = Keys(run, SYSTEM.design, "velma7", connect, given, insecure=False, here=here, linked=True)
-    found.made()
-    return found
-
-
-def test_two_routers_have_an_address_each_and_the_second_joins_the_first(tmp_path: Path) -> None:
-    """Each with a key of its own name; all others get both addresses."""
-    made = linked(tmp_path)
-    first, second = made.own.split(",")
-    assert first != second
-    assert made.routers == {
-        "router": {"ROCO_NAME": "router", "ROCO_LISTEN": first},
-        "router-2": {"ROCO_NAME": "router-2", "ROCO_LISTEN": second, "ROCO_LINK": first},
-    }
-    assert all(router_tls(tmp_path / "keys", name, joins=name != "router") for name in ROUTERS)
-
-
-def test_of_routers_at_two_hosts_each_starts_its_own(tmp_path: Path) -> None:
-    """With keys that were made for both; who is at the same host meets it on loopback."""
-    made = linked(tmp_path, "tls/desk:7447,tls/robot:7447", ("router-2",), "some")
-    away, near = made.own.split(",")
-    assert away == "tls/desk:7447"
-    assert near.startswith("tls/127.0.0.1:")
-    assert made.routers == {
-        "router-2": {"ROCO_NAME": "router-2", "ROCO_LISTEN": f"tls/robot:7447,{near}", "ROCO_LINK": away}
-    }
-
-
-@pytest.mark.parametrize(
-    ("connect", "here", "why"),
-    [("tls/desk:7447", ROUTERS, "an address each"), ("tls/a:1,tls/b:1", ("router-2",), "roco keys make --routers 2")],
-)
-def test_two_routers_that_do_not_fit_are_told(tmp_path: Path, connect: str, here: tuple[str, ...], why: str) -> None:
+def test_several_routers_are_refused(tmp_path: Path) -> None:
     """Before anything is written."""
-    with pytest.raises(ValueError, match=why):
-        linked(tmp_path, connect, here)
+    with pytest.raises(ValueError, match="names several routers: a fleet has one"):
+        keys(tmp_path, "tls/a:1,tls/b:1")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -105,7 +70,7 @@ def test_insecure_is_said_and_makes_no_keys(tmp_path: Path) -> None:
     """Also where keys stand in the environment."""
     made = keys(tmp_path, given=str(tmp_path), insecure=True)
     assert made.folder is None
-    assert made.addresses[0].startswith("tcp/127.0.0.1:")
+    assert made.address.startswith("tcp/127.0.0.1:")
     assert not (tmp_path / "keys").exists()
 
 

@@ -6,11 +6,9 @@ import pytest
 
 from agent_runtime.io.cli import endpoints
 from agent_runtime.io.options import AGENTS_VARIABLE
-from agent_runtime.io.secured import ROUTERS
 from companion.tools.system import SYSTEM
 from operate.supervisor import core
 from operate.supervisor.__main__ import chosen
-from operate.supervisor.processes import linked
 from operate.supervisor.wiring import CONNECT, WIRES, wired
 from operate.wires import files
 
@@ -37,20 +35,6 @@ def test_agents_start_after_their_wires(tmp_path: Path, only: str) -> None:
     assert len({ports["router"] for ports in told.ports.values()}) == len(agents)
 
 
-def test_of_two_routers_each_agent_has_a_wire_to_each(tmp_path: Path) -> None:
-    """All at ports of their own; the wires start after both routers, and agents reach both."""
-    connect = "tls/10.0.0.1:7447,tls/10.0.0.2:7448"
-    processes, apart = wired(linked(SYSTEM.processes), SYSTEM.design, connect, {}, tmp_path)
-    assert next(one.after for one in processes if one.name == WIRES.name) == ROUTERS
-    told = files.told(tmp_path)
-    assert told is not None
-    assert told.ends == {"router": ("10.0.0.1", 7447), "router-2": ("10.0.0.2", 7448)}
-    assert all(tuple(ports) == ROUTERS for ports in told.ports.values())
-    assert len({port for ports in told.ports.values() for port in ports.values()}) == 2 * len(AGENTS)
-    for name, ports in told.ports.items():
-        assert apart[name][CONNECT] == ",".join(f"tls/127.0.0.1:{port}" for port in ports.values())
-
-
 def test_linked_agents_have_a_wire_to_each_neighbour(tmp_path: Path) -> None:
     """And to the router; each listens at its own address and is told the neighbours' only by their wires."""
     agents = {name: f"tls/10.0.0.1:{7500 + number}" for number, name in enumerate(AGENTS)}
@@ -73,10 +57,8 @@ def test_linked_agents_have_a_wire_to_each_neighbour(tmp_path: Path) -> None:
 
 def test_an_address_is_a_host_and_a_port() -> None:
     """Of IPv6, too, whose brackets no socket wants; one without a port is refused by its name."""
-    assert files.routers("tls/[::1]:7447,tcp/robot.local:7448") == {
-        "router": ("::1", 7447),
-        "router-2": ("robot.local", 7448),
-    }
+    assert files.place("tls/[::1]:7447") == ("::1", 7447)
+    assert files.place("tcp/robot.local:7448") == ("robot.local", 7448)
     for wrong in ("tls/robot.local", "robot.local:7447", "tls/:7447", "tls/robot:port", ""):
         with pytest.raises(ValueError, match="names no host and port") as told:
             files.place(wrong)

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from agent_runtime.io.reaching import why_not
 from agent_runtime.io.run_files import KEYS_FOLDER
-from agent_runtime.io.secured import ROUTERS, key_file
+from agent_runtime.io.secured import ROUTER, key_file
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import identity
 from operate.cli.fleet.checkup import Check, Level
@@ -36,16 +36,14 @@ REASONS = {
 
 
 def router(fleet: Target, now: Look) -> Iterator[Check]:
-    """Whether each router lets this command line in, and each process that has no router; else why."""
+    """Whether the router lets this command line in, and each process that has no router; else why."""
     told = now.fleet
     if not isinstance(fleet, Local) or told is None or not any(status.pid for status in told.processes):
         return
-    for name, address in zip(ROUTERS, told.connect.split(","), strict=False):
-        why = _why(fleet, told, identity.CONSOLE, address)
-        if why:
-            yield Check(name, Level.WRONG, why, f"`roco agent restart {name}`; new keys: `roco down`, then `roco up`")
-        else:
-            yield Check(name, Level.FINE, f"listens at {address}")
+    if why := _why(fleet, told, identity.CONSOLE, told.connect):
+        yield Check(ROUTER, Level.WRONG, why, f"`roco agent restart {ROUTER}`; new keys: `roco down`, then `roco up`")
+    else:
+        yield Check(ROUTER, Level.FINE, f"listens at {told.connect}")
     for one in now.seen:
         keys = key_file(fleet.run / KEYS_FOLDER, one.name).is_file()
         if keys and _lacks(one) and (own := _why(fleet, told, one.name, told.connect)):
@@ -54,7 +52,7 @@ def router(fleet: Target, now: Look) -> Iterator[Check]:
 
 def _lacks(one: Seen) -> bool:
     """Whether a process lives and has no router, or had none yet."""
-    return bool(one.status.pid) and one.name not in ROUTERS and (one.beat is None or not one.beat.up)
+    return bool(one.status.pid) and one.name != ROUTER and (one.beat is None or not one.beat.up)
 
 
 def _why(fleet: Local, told: Fleet, name: str, address: str) -> str:
@@ -65,11 +63,10 @@ def _why(fleet: Local, told: Fleet, name: str, address: str) -> str:
 
 
 def refusals(fleet: Target, now: Look) -> Iterator[Check]:
-    """Sessions that the routers did not let in, by reason, as their logs have them."""
+    """Sessions that the router did not let in, by reason, as its log has them."""
     lines: list[str] = []
-    for name in ROUTERS:
-        with suppress(ConsoleError):  # unknown, or no container of it runs; told elsewhere
-            lines += fleet.log(name, LINES)
+    with suppress(ConsoleError):  # unknown, or no container of it runs; told elsewhere
+        lines += fleet.log(ROUTER, LINES)
     found = [match for line in lines if (match := _REFUSED.match(_COLOUR.sub("", line)))]
     if found:
         counted = Counter(reason(match["why"]) for match in found)

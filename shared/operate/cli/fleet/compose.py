@@ -13,7 +13,7 @@ from functools import cached_property
 import msgspec
 
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE, STOP_FILE
-from agent_runtime.io.secured import ROUTERS
+from agent_runtime.io.secured import ROUTER
 from operate.cli.errors import DockerError, FleetError, NoRunError, UsageError
 from operate.cli.fleet import process_status
 from operate.cli.fleet.container_snapshot import SHEET, Sheet, sheet
@@ -43,7 +43,7 @@ MONITOR_S, PERIOD_S = 60.0, 0.2
 container ends again and again."""
 GUARDED = ("--read-only", "--tmpfs=/tmp", "--cap-drop=ALL", "--security-opt=no-new-privileges:true", "--pids-limit=64")
 """As the services themselves are (compose.yaml)."""
-ORDER = (*ROUTERS, "monitor", "wires")
+ORDER = (ROUTER, "monitor", "wires")
 """Started first and ended last."""
 CONTAINER = {"created": ProcessState.WAITING, "restarting": ProcessState.BACKING_OFF}
 """States of containers without a process, by docker's word; any other was stopped."""

@@ -33,29 +33,27 @@ def make(
         ),
     ] = None,
     host: Annotated[
-        list[str] | None, typer.Option(help="One more name or address of a host of the router, or of linked agents.")
+        list[str] | None,
+        typer.Option(envvar="ROCO_HOSTS", help="One more name or address of a host of the router, or of agents."),
     ] = None,
     design: Annotated[Path | None, typer.Option(help="A design file; else that of the system here.")] = None,
     apart: Annotated[bool, typer.Option(help="A folder for each identity: each process sees its own alone.")] = False,
     keep: Annotated[
         float | None, typer.Option(metavar="DAYS", help="Leave all as it is where it holds so many days more.")
     ] = None,
-    linked: Annotated[bool, typer.Option(help="A router for each system, which join each other.")] = False,
     links: Annotated[
-        Linking, typer.Option(help="direct: agents are linked with each other; their keys let them listen, too.")
-    ] = Linking.ROUTER,
-    routers: Annotated[
-        int,
+        Linking,
         typer.Option(
-            min=1, max=2, envvar="ROCO_ROUTERS", help="2: linked, for all systems; the second one joins the first."
+            help="direct: agents are linked with each other; their keys let them listen. router: they do not."
         ),
-    ] = 1,
+    ] = Linking.DIRECT,
     form: Form = Format.TEXT,
 ) -> None:
     """Make an authority, a certificate per identity and the router's rules, all anew.
 
-    A process needs authority.pem and its own two files; the router rights.json, too. The authority's private key is
-    forgotten. Exits with 1 where they cannot be written, with 2 where there is no such design.
+    A process needs authority.pem and its own two files; the router rights.json, too, a linked agent its
+    <name>.links.json. The authority's private key is forgotten. Exits with 1 where they cannot be written, with 2 where
+    there is no such design.
 
     Examples:
       roco keys make keys
@@ -64,10 +62,6 @@ def make(
     """
     direct = links is Linking.DIRECT
     with problems(form):
-        if linked + (routers > 1) + direct > 1:
-            raise UsageError(
-                "--linked is a router for each system, --routers 2 are two for all, --links direct has one: choose one"
-            )
         found = here() if design is None else of_design(design)
         hosts = (*keys.HOSTS, *(found.design.agents if direct else ()), *(host or ()))
         names = [name.strip() for given in system or [found.name] for name in given.split(",") if name.strip()]
@@ -79,8 +73,6 @@ def make(
                 days=days,
                 hosts=hosts,
                 apart=apart,
-                linked=linked,
-                routers=routers,
                 direct=direct,
                 keep_days=keep,
             )
@@ -105,7 +97,7 @@ def words(made: issuing.Issued, *, apart: bool) -> str:
 
 
 class Revoked(msgspec.Struct, frozen=True):
-    """Names that the routers of a folder of keys deny everything."""
+    """Names that the router and the agents of a folder of keys deny everything."""
 
     folder: str
     revoked: tuple[str, ...]

@@ -14,7 +14,7 @@ from pathlib import Path
 from agent_runtime.io.fleet_processes import started_in
 from agent_runtime.io.forked import FORKS
 from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE, make_run
-from agent_runtime.io.secured import ROUTERS
+from agent_runtime.io.secured import ROUTER
 from operate.cli.errors import WRONG_USE, FleetError, NotWaitedError, UsageError
 from operate.cli.runs import folders
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
@@ -28,7 +28,7 @@ LEAST_ROOM = 32 << 20  # bytes for a start; estimate: a fleet that is ready has 
 STOP_S = 150.0  # the monitor may take two minutes for its reports, the others seconds
 LEFT_S = 10.0  # until a process without a supervisor, and not the monitor, is killed (estimate: twice an orderly end)
 MONITOR = "monitor"
-LAST = (MONITOR, "wires", FORKS, *ROUTERS)
+LAST = (MONITOR, "wires", FORKS, ROUTER)
 """Ended after all others, the monitor first: it records their end, and writes its report."""
 
 

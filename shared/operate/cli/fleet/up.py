@@ -57,9 +57,6 @@ def up(
     ] = "",
     insecure: Insecure = False,
     faults: Faults = False,
-    routers: Annotated[
-        int, typer.Option(min=1, max=2, help="2: linked, and the fleet goes on when one of them dies.")
-    ] = 1,
     links: Annotated[Linking | None, typer.Option(help=HOW_LINKED)] = None,
     agents: Annotated[
         str,
@@ -81,14 +78,12 @@ def up(
       roco up --insecure --out runs/today
       roco up --only router,monitor,AGENT,PEER
       roco up --another second
-      roco up --routers 2
       roco up --only ROUTER,PEER --agents PEER=tls/desk:7448,AGENT=tls/robot:7448
       roco up --for 30
     """
     with problems(form), interrupts.heard():
         where = running_fleets.place(out, another, datetime.now())
         words = [*options(seed, speed, scene, insecure, faults=faults), *(["--only", only] if only else [])]
-        words += ["--routers", str(routers)] if routers > 1 else []
         words += ["--links", links.value] if links else []
         words += ["--agents", agents] if agents else []
         if seconds is not None and not wait:

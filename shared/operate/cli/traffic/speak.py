@@ -3,6 +3,7 @@
 Whoever calls gives what is to be said and is told what was said and heard, as it comes.
 """
 
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,7 @@ import msgspec
 from agent_runtime.core.binding import wiring
 from agent_runtime.core.errors import JournalError, RuntimeFault
 from agent_runtime.io.links import Links
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import LISTEN_VARIABLE, Options
 from agent_runtime.testing.stand_in import StandIn, StandInError, Voice
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.errors import FipaError
@@ -62,7 +63,8 @@ def say(system: System, run: Path, draft: Communicate, wait_s: float, tell: Tell
         languages = system.languages or Languages()
         wires = wiring(draft.sender, fleet.system, design=system.design, languages=languages)
         if fleet.agents:
-            linked = Links(Options(keys=identity.folder(run, fleet), agents=fleet.agents), wires)
+            here = os.environ.get(LISTEN_VARIABLE, "")  # in a container
+            linked = Links(Options(keys=identity.folder(run, fleet), agents=fleet.agents, listen=here), wires)
             life = StandIn(wires, first, run, linked)
         else:
             life = StandIn(wires, first, run, fleet.connect, tls=identity.tls(run, fleet, draft.sender))
