@@ -1,8 +1,9 @@
 """Fleets of router, km and pl side by side, as shipped and with parts of it left out, and bare gets: asked by turns.
 
-`SHIPPED` is what `roco up --links router` and containers start: mutual TLS, the rights of the design, the monitor,
-which records, judges and draws, and all files on disk. `DIRECT` is what `roco up` starts: the same with direct links.
-The others say what parts of `SHIPPED` cost. `BARE` is a get of as many bytes through a router of its own.
+`SHIPPED` is what `roco up --links router` starts: mutual TLS, the rights of the design, the monitor, which records,
+judges and draws, and all files on disk. `DIRECT` is what `roco up` and containers start: the same with direct links;
+`UNIX` what `roco up --links unix` starts. The others say what parts of `SHIPPED` cost. `BARE` is a get of as many bytes
+through a router of its own.
 """
 
 import os
@@ -19,6 +20,7 @@ import msgspec
 from round_trip import SYSTEM, Block
 
 from agent_runtime.io import issuing
+from agent_runtime.io.links import UNIX_SOCKET
 from agent_runtime.io.sessions import free_endpoint
 from companion.design import DESIGN
 
@@ -33,20 +35,24 @@ class NotThereError(Exception):
 
 
 class Kind(msgspec.Struct, frozen=True):
-    """Kind of fleet. `bare`: two sessions instead of agents; `direct`: the agents are linked with each other."""
+    """Kind of fleet. `bare`: two sessions instead of agents; `direct`: the agents are linked with each other; `unix`:
+    they are so by sockets of this host.
+    """
 
     name: str
     secured: bool = False
     monitored: bool = False
     bare: bool = False
     direct: bool = False
+    unix: bool = False
 
 
 BARE = Kind("bare get", bare=True)
 SHIPPED = Kind("as shipped", secured=True, monitored=True)
 DIRECT = Kind("direct links", secured=True, monitored=True, direct=True)
 PARTS = (Kind("plain, no monitor"), Kind("TLS and rights, no monitor", secured=True), Kind("plain", monitored=True))
-KINDS = (BARE, *PARTS, SHIPPED, DIRECT)
+UNIX = Kind("unix sockets", secured=True, monitored=True, direct=True, unix=True)
+KINDS = (BARE, *PARTS, SHIPPED, DIRECT, UNIX)
 
 
 class Fleet:
@@ -61,9 +67,12 @@ class Fleet:
         self._address = free_endpoint().replace("tcp/", "tls/" if kind.secured else "tcp/")
         if kind.secured:
             issuing.issue(run / "keys", DESIGN, systems, direct=kind.direct)
-        told = {"LISTEN": self._address, "CONNECT": self._address, "RUN_DIR": str(run), "SYSTEM": SYSTEM}
+        told = {"CONNECT": self._address, "RUN_DIR": str(run), "SYSTEM": SYSTEM}
         if kind.direct:
-            agents = ((name, free_endpoint().replace("tcp/", "tls/")) for name in DESIGN.agents)
+            agents = (
+                (name, f"{UNIX_SOCKET}{run}/{name}.sock" if kind.unix else free_endpoint().replace("tcp/", "tls/"))
+                for name in DESIGN.agents
+            )
             told["AGENTS"] = ",".join(f"{name}={endpoint}" for name, endpoint in agents)
         told |= {"TLS_DIR": str(run / "keys") if kind.secured else "", "LOG_LEVEL": "warning"}
         self._environment = os.environ | {f"ROCO_{name}": value for name, value in told.items()}

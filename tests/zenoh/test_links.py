@@ -153,6 +153,32 @@ def test_an_agent_that_is_not_told_of_a_neighbour_says_so(keys: Path) -> None:
 # --- a depot ----------------------------------------------------------------------------------------------------------
 
 
+def test_agents_linked_by_sockets_of_this_host_work(tmp_path: Path) -> None:
+    """Also when the router is gone and one of them was killed, whose socket is left."""
+    folder = tmp_path / "depot"
+    shutil.copytree(EXAMPLE, folder, ignore=shutil.ignore_patterns("runs", "__pycache__"))
+    made = Depot(folder)
+    try:
+        orders = folder / "many.toml"
+        orders.write_text((EXAMPLE / "depot/orders.toml").read_text() * 30)
+        made.roco("up", "--links", "unix", "--scene", str(orders), "--out", str(made.run))
+        assert sorted(file.name for file in (made.run / "links").glob("*.sock")) == [
+            "desk.sock", "dispatcher.sock", "mule.sock", "ox.sock", "traffic.sock"
+        ]  # fmt: skip
+        assert (made.run / "links").stat().st_mode & 0o777 == 0o700
+        goes_on(made)
+        verb(made, "agent", "stop", "router")
+        os.kill(made.seen("dispatcher").status.pid or 0, signal.SIGKILL)
+        goes_on(made)
+        verb(made, "agent", "start", "router")
+        verb(made, "fault", "flood", "traffic", "--as", "mule", "--per-second", "50", "--for", "1")
+        wait_for(lambda: beat(made, "traffic").counts.get("taken before", 0) > 10, "traffic drops copies", PATIENCE_S)
+    finally:
+        made.roco("down", "--run-dir", str(made.run))
+        made.end()
+    assert {one.verdict for one in Local(made.run).verdicts()} <= {"legal", "copy", "slow", "late"}
+
+
 @pytest.fixture(scope="module")
 def depot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Depot]:
     """A depot whose agents are linked directly, with wires."""

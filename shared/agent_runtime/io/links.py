@@ -6,6 +6,7 @@ to hit both ends to keep them apart. The session is open whether a neighbour is 
 
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import zenoh
@@ -15,6 +16,11 @@ from agent_runtime.core.wiring import Wiring
 from agent_runtime.io.options import AGENTS_VARIABLE, Options
 from agent_runtime.io.secured import age, client_tls, links_of, links_tls
 from agent_runtime.io.sessions import open_client, open_links
+
+UNIX_SOCKET = "unixsock-stream/"
+"""Endpoints of sockets of this host begin so. They do not tell who is at the other end: rules by certificate would
+refuse all, so there are none, and whoever may write the folder of the sockets may speak as any agent.
+"""
 
 
 class NoEndpointError(RuntimeFault):
@@ -39,7 +45,7 @@ class Links:
         self._settings()
 
     def _settings(self) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
-        if self._keys is None:
+        if self._keys is None or self.at.startswith(UNIX_SOCKET):
             return None, None
         return links_tls(self._keys, self._name), links_of(self._keys, self._name)
 
@@ -47,6 +53,8 @@ class Links:
         """Raises zenoh.ZError where the address is taken, KeysError where keys are missing now."""
         self._age = self._of_keys()
         tls, rules = self._settings()
+        if self.at.startswith(UNIX_SOCKET):
+            Path(self.at.removeprefix(UNIX_SOCKET)).parent.mkdir(mode=0o700, exist_ok=True)
         return open_links(self.at, self._neighbours, tls, rules)
 
     @property

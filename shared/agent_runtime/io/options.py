@@ -16,10 +16,12 @@ class Linking(StrEnum):
 
     ROUTER = "router"
     DIRECT = "direct"
+    UNIX = "unix"
 
 
 HOW_LINKED = (
-    "direct: agents are linked with each other, and the router is for tools alone. router: they meet at the router."
+    "direct: agents are linked with each other, and the router is for tools alone. unix: the same, by sockets of this"
+    " host, without TLS: for a machine with a single user. router: they meet at the router."
     " Else direct, where it is told or known where each agent listens."
 )
 """The help of the option `--links`."""

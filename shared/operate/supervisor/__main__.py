@@ -89,8 +89,11 @@ def main(
             own = tuple(process.name for process in processes if process.name in bound.design.agents)
             given = Path(keys) if keys and not insecure else None
             why_not = unlinkable(bound.design, own, told, given, routed=routing)
-            if (links is Linking.DIRECT or told) and why_not:
+            unix = links is Linking.UNIX
+            if (links is Linking.DIRECT or unix or told) and why_not:
                 raise ValueError(why_not)
+            if unix and (told or faults):
+                raise ValueError("--links unix goes with neither --agents nor --faults: sockets are of this host alone")
             direct = links is not Linking.ROUTER and not why_not
             if check:
                 return
@@ -106,6 +109,7 @@ def main(
                 insecure=insecure,
                 here=routing,
                 agents=dict.fromkeys(own, "") | told if direct else {},
+                unix=unix,
                 days=key_days,
             )
         except (OSError, ValueError, NoSystemError) as error:

@@ -88,7 +88,6 @@ def _environment(system: System, run_dir: Path, connect: str, scene: str) -> dic
         "ROCO_RUN_DIR": str(run_dir),
         "ROCO_SYSTEM": system.name,
         "ROCO_CONNECT": connect,
-        "ROCO_LISTEN": connect,
         "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
         "PYTHONUNBUFFERED": "1",
         "PYTHONSAFEPATH": "1",

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
+from agent_runtime.io.links import UNIX_SOCKET
 from agent_runtime.io.reaching import require_loopback
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTER, key_file
@@ -28,6 +29,10 @@ DAYS = 7.0
 LAST = 1 / 7
 """Of the time that keys hold: then they are renewed (of a week its last day: as long as a machine may sleep)."""
 AGAIN_S = 60.0  # estimate: a day is left
+SOCKETS_FOLDER = "links"
+LONGEST_SOCKET = 107 - len(".lock")  # sun_path (unix(7)); Zenoh writes a lock file beside it
+ENDPOINT_MARKS = "?#;"
+"""Of Zenoh's endpoints."""
 RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
 PORTS, TRIES = 10_000, 100
 """So many ports below those of outgoing connections are looked at, and so often (estimate: few of them are taken)."""
@@ -54,13 +59,15 @@ class Keys:
         insecure: bool,
         here: bool,
         agents: Mapping[str, str] | None = None,
+        unix: bool = False,
         days: float = DAYS,
     ) -> None:
         """Begin to make them, where a router is started here and none are given.
 
         `connect`: the address asked for, "" for a free port here; `given`: a folder of keys that are there; `here`:
         whether the router is started here; `agents`: those that are linked directly, each with its endpoint, "" for a
-        free port here. ValueError where address and keys do not fit.
+        free port here, or with `unix` a socket in the run folder. ValueError where address and keys do not fit, or the
+        name of a socket would be too long.
         """
         self._design, self._system, self._days, self._direct = design, system, days, bool(agents)
         self._from, self._due = -float("inf"), float("inf")
@@ -68,7 +75,10 @@ class Keys:
         self.folder = run / KEYS_FOLDER if mine else Path(given).resolve() if given and not insecure else None
         scheme = TLS if self.folder else PLAIN
         self.address = connect or f"{scheme}127.0.0.1:{free_port()}"
-        self.agents = {name: at or f"{scheme}127.0.0.1:{free_port()}" for name, at in (agents or {}).items()}
+        self.agents = {
+            name: at or (socket_in(run, name) if unix else f"{scheme}127.0.0.1:{free_port()}")
+            for name, at in (agents or {}).items()
+        }
         self._fit()
         self.own = self.listen = self.address
         if here and place(self.address)[0] not in LOOPBACK:
@@ -146,6 +156,17 @@ class Keys:
         self._from = until.timestamp() - self._days * 86400.0 - keys.BACK.total_seconds() / 2
         self._due = until.timestamp() - LAST * self._days * 86400.0
         return until
+
+
+def socket_in(run: Path, agent: str) -> str:
+    """Return the endpoint of an agent's socket in a run folder. Raise ValueError where no socket can have the name."""
+    name = str((run / SOCKETS_FOLDER / f"{agent}.sock").resolve())
+    if len(name.encode()) > LONGEST_SOCKET or set(name) & set(ENDPOINT_MARKS):
+        raise ValueError(
+            f"--links unix: the socket {name} cannot be: its name has more than {LONGEST_SOCKET} bytes, or one of"
+            f" {ENDPOINT_MARKS}; name another folder with --out"
+        )
+    return f"{UNIX_SOCKET}{name}"
 
 
 def free_port() -> int:

@@ -42,6 +42,7 @@ def supervisor(run: Path, *words: str) -> "subprocess.CompletedProcess[str]":
             "--links direct: ta would be elsewhere",
         ),
         (("--links", "direct", "--keys", "given"), "given has no rules of"),
+        (("--links", "unix", "--faults"), "--links unix goes with neither --agents nor --faults"),
     ],
 )
 def test_what_cannot_be_ends_it_before_anything_starts(tmp_path: Path, words: tuple[str, ...], said: str) -> None:

@@ -59,6 +59,14 @@ def test_elsewhere_all_meet_at_the_address_that_was_asked_for(tmp_path: Path, co
     assert (made.own, made.listen) == (connect, connect)
 
 
+@pytest.mark.parametrize("name", ["x" * 90, "a?b", "a#b", "a;b"])
+def test_a_socket_that_cannot_be_is_told(name: str) -> None:
+    """The kernel takes 107 bytes for its name, Zenoh a lock file beside it and none of the marks of an endpoint."""
+    assert securing.socket_in(Path("/run/one"), "co") == "unixsock-stream//run/one/links/co.sock"
+    with pytest.raises(ValueError, match="name another folder with --out"):
+        securing.socket_in(Path("/run") / name, "co")
+
+
 def test_several_routers_are_refused(tmp_path: Path) -> None:
     """Before anything is written."""
     with pytest.raises(ValueError, match="names several routers: a fleet has one"):
