@@ -151,7 +151,8 @@ class Compose:
     def signal(self, name: str, number: int) -> None:
         """Send a signal to a process, in its container. DockerError, FleetError: it does not run."""
         one = self._living(name)
-        self._shell(one.home, f"kill -{number} {one.status.pid}")
+        pid = one.status.pid
+        self._shell(one.home, f"kill -{number} {pid} || [ ! -e /proc/{pid} ]")  # or it ended since the look
 
     def writing(self, name: str, possible: bool) -> None:
         """Let what a process writes to files fail, or not any more. DockerError, FleetError: it does not run."""
