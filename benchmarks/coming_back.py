@@ -1,6 +1,7 @@
 """Time for which a killed process is away: `kill -9` of each, repeatedly, until the supervisor says it is ready again.
 
-One fleet at rest, each process in turn; noticed: the supervisor says that it does not run. Appends to a results file.
+One fleet at rest, each process in turn; noticed: the supervisor says that it does not run, and of an agent the last of
+its neighbours that it is gone. Appends to a results file.
 
     python benchmarks/coming_back.py --hang freeze
     python benchmarks/coming_back.py --hang loop --processes hi,co,pl,km,ta,ex
@@ -26,6 +27,7 @@ import msgspec
 import tables
 import typer
 
+from companion.design import DESIGN
 from operate.run_folder import Fault, Fleet, ProcessState, ProcessStatus
 
 PATIENCE_S = 90.0  # estimate: km is back after 4 s on a quiet machine
@@ -34,6 +36,7 @@ ROCO = str(Path(sys.executable).with_name("roco"))
 RESULTS = Path(__file__).parent / "results/coming_back.jsonl"
 PAGE = Path(__file__).parents[1] / "docs/reliability.md"
 BEGIN, END = "<!-- coming back: python benchmarks/coming_back.py --table -->\n", "<!-- /coming back -->\n"
+PEERS = {agent: tuple(sorted(DESIGN.peers(agent))) for agent in DESIGN.agents}
 PROCESSES = ("router", "monitor", "loop", "hi", "co", "pl", "km", "ta", "ex")
 
 
@@ -59,29 +62,52 @@ def again(run: Path, name: str, before: int) -> bool:
     return now.state is ProcessState.READY and now.pid != before
 
 
-def killed(run: Path, name: str) -> tuple[float, float]:
-    """Kill a process; return after how long that was noticed, and after how long it was ready again [s]."""
-    before = status(run, name)
+class Neighbours:
+    """Of an agent, none of another process: after how long the last of them wrote that it is gone, from now on."""
+
+    def __init__(self, run: Path, name: str) -> None:
+        self._name, logs = name, (run / "logs" / f"{one}.jsonl" for one in PEERS.get(name, ()))
+        self._ends = {log: log.stat().st_size for log in logs}
+        self._began = time.time()
+
+    def told(self) -> float | None:
+        """Wait until all have written it [s]; None where there are none."""
+        after(lambda: all(map(self._gone, self._ends)))
+        return max(map(self._gone, self._ends)) - self._began if self._ends else None
+
+    def _gone(self, log: Path) -> float:
+        with log.open("rb") as file:
+            file.seek(self._ends[log])
+            lines = [msgspec.json.decode(line) for line in file.read().rpartition(b"\n")[0].splitlines()]
+        gone = (one["t"] for one in lines if (one.get("peer"), one.get("incarnation")) == (self._name, "gone"))
+        return next(gone, 0.0)
+
+
+def killed(run: Path, name: str) -> tuple[float, float, float | None]:
+    """Kill a process; return after how long that was noticed, it was ready again, and its neighbours knew [s]."""
+    before, neighbours = status(run, name), Neighbours(run, name)
     os.kill(before.pid, signal.SIGKILL)
     noticed = after(lambda: status(run, name).state is not ProcessState.READY)
     rest = after(lambda: again(run, name, before.pid))
-    return noticed, noticed + rest
+    return noticed, noticed + rest, neighbours.told()
 
 
-def noticed_hang(run: Path, name: str, begin: signal.Signals) -> float:
-    """Freeze a process (SIGSTOP), or hang its Python loop (SIGUSR1); return after how long that was told [s].
+def noticed_hang(run: Path, name: str, begin: signal.Signals) -> tuple[float, float | None]:
+    """Freeze a process (SIGSTOP), or hang its Python loop (SIGUSR1); return after how long that was told [s], and of a
+    frozen one its neighbours knew.
 
     The frozen one goes on; the hung one is killed and waited for until it is ready again.
     """
-    before = status(run, name)
+    before, neighbours = status(run, name), Neighbours(run, name)
     os.kill(before.pid, begin)
-    noticed = after(lambda: status(run, name).note.startswith("hangs"))
+    noticed, gone = after(lambda: status(run, name).note.startswith("hangs")), None
     if begin is signal.SIGSTOP:
+        gone = neighbours.told()
         os.kill(before.pid, signal.SIGCONT)
         after(lambda: not status(run, name).note)
     else:
         after(lambda: again(run, name, before.pid))
-    return noticed
+    return noticed, gone
 
 
 def with_hanging(where: Path) -> dict[str, str]:
@@ -97,7 +123,7 @@ HANGS = {"freeze": signal.SIGSTOP, "loop": signal.SIGUSR1}
 
 def hangs(run: Path, how: str, names: list[str], times: int, out: Path) -> None:
     """Freeze or hang each process in turn, and say how long that took to be told."""
-    seen: dict[str, list[float]] = {name: [] for name in names}
+    seen: dict[str, list[tuple[float, float | None]]] = {name: [] for name in names}
     load = os.getloadavg()[0]
     for number in range(times):
         for name in names:
@@ -105,7 +131,8 @@ def hangs(run: Path, how: str, names: list[str], times: int, out: Path) -> None:
         typer.echo(f"{number + 1} of {times}", err=True)
     loads = [round(load, 2), round(os.getloadavg()[0], 2)]
     for name, found in seen.items():
-        _told(out, {"hang": how, "of": name, "times": times, "load": loads, "noticed_s": figures(found)})
+        line = {"hang": how, "of": name, "times": times, "load": loads}
+        _told(out, line | measured(noticed_s=[one for one, _ in found], neighbours_s=[one for _, one in found]))
 
 
 def killed_by_order(target: str, name: str) -> float:
@@ -138,6 +165,11 @@ def figures(times: list[float]) -> dict[str, float]:
     return {"p50": round(cuts[9], 3), "p95": round(cuts[18], 3)}
 
 
+def measured(**times: list[Any]) -> dict[str, dict[str, float]]:
+    """Return the figures of each kind of time that was measured."""
+    return {name: figures(found) for name, found in times.items() if None not in found}
+
+
 def main(
     kills: Annotated[int, typer.Option(help="of each process")] = 20,
     processes: Annotated[str, typer.Option()] = ",".join(PROCESSES),
@@ -164,7 +196,7 @@ def main(
             subprocess.run([ROCO, "down", "--run-dir", str(run)], check=True, stdout=sys.stderr)
         return
     names = processes.split(",")
-    seen: dict[str, list[tuple[float, float]]] = {name: [] for name in names}
+    seen: dict[str, list[tuple[float, float, float | None]]] = {name: [] for name in names}
     load = os.getloadavg()[0]
     try:
         for number in range(kills):  # in turn, so that nobody dies so often that the supervisor waits for longer
@@ -175,9 +207,9 @@ def main(
         subprocess.run([ROCO, "down", "--run-dir", str(run)], check=True, stdout=sys.stderr)
     loads = [round(load, 2), round(os.getloadavg()[0], 2)]
     for name, times in seen.items():
+        noticed, ready, neighbours = map(list, zip(*times, strict=True))
         line: dict[str, Any] = {"process": name, "kills": kills, "load": loads}
-        line |= {"noticed_s": figures([one[0] for one in times]), "ready_s": figures([one[1] for one in times])}
-        _told(out, line)
+        _told(out, line | measured(noticed_s=noticed, ready_s=ready, neighbours_s=neighbours))
 
 
 def printed(lines: list[dict[str, Any]]) -> str:
@@ -186,14 +218,14 @@ def printed(lines: list[dict[str, Any]]) -> str:
     fleets = list(dict.fromkeys(line.get("target", "") for line in killed))
     found = {(line.get("target", ""), line["process"]): line for line in killed}
     heads = [f"ready again{f': {name}' if name else ''}" for name in fleets]
-    rows = [f"| process | noticed | {' | '.join(heads)} |", "|---" * (len(fleets) + 2) + "|"]
+    rows = [f"| process | noticed | by its neighbours | {' | '.join(heads)} |", "|---" * (len(fleets) + 3) + "|"]
     for process in dict.fromkeys(line["process"] for line in killed):
         cells = [found.get((name, process), {}) for name in fleets]
-        noticed = _times(found.get(("", process), {}).get("noticed_s"))
-        rows.append(f"| {process} | {noticed} | {' | '.join(_times(one.get('ready_s')) for one in cells)} |")
+        noticed, known = (_times(found.get(("", process), {}).get(name)) for name in ("noticed_s", "neighbours_s"))
+        rows.append(f"| {process} | {noticed} | {known} | {' | '.join(_times(one.get('ready_s')) for one in cells)} |")
     of = [next(line for (name, _), line in found.items() if name == fleet) for fleet in fleets]
     kills = [f"{line['kills']}, {_loads(line)}" for line in of]
-    rows.append(f"| kills of each, load | | {' | '.join(kills)} |")
+    rows.append(f"| kills of each, load | | | {' | '.join(kills)} |")
     return "\n".join((*rows, *_hung([line for line in lines if "hang" in line]))) + "\n"
 
 
@@ -203,18 +235,20 @@ def _hung(lines: list[dict[str, Any]]) -> list[str]:
         return []
     found = {(line["hang"], line["of"]): line for line in lines}
     ways = list(dict.fromkeys(line["hang"] for line in lines))
-    rows = ["", f"| process | {' | '.join(f'{way}: told after' for way in ways)} |", "|---" * (len(ways) + 1) + "|"]
+    heads = (f"{way}: told after" for way in ways)
+    rows = ["", f"| process | {' | '.join(heads)} | freeze: by its neighbours |", "|---" * (len(ways) + 2) + "|"]
     for process in dict.fromkeys(line["of"] for line in lines):
         cells = (_times(found.get((way, process), {}).get("noticed_s")) for way in ways)
-        rows.append(f"| {process} | {' | '.join(cells)} |")
+        known = _times(found.get(("freeze", process), {}).get("neighbours_s"))
+        rows.append(f"| {process} | {' | '.join(cells)} | {known} |")
     loads = (
         f"{one['times']}, {_loads(one)}" for one in (next(v for k, v in found.items() if k[0] == way) for way in ways)
     )
-    return [*rows, f"| times of each, load | {' | '.join(loads)} |"]
+    return [*rows, f"| times of each, load | {' | '.join(loads)} | |"]
 
 
 def _times(told: dict[str, float] | None) -> str:
-    return f"{told['p50']:.2f}, {told['p95']:.2f} s" if told else ""
+    return f"{told['p50']:.3g}, {told['p95']:.3g} s" if told else ""
 
 
 def _loads(line: dict[str, Any]) -> str:

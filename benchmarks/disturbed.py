@@ -503,6 +503,11 @@ def judged(said: str, why: Facts, good: bool, dropped: bool) -> str:
 OVER = "simulated time is over"
 UNSURE = (PourKind.NOT_SEEN_IN, facts.Kind.NOT_CHECKED, facts.Kind.UNCHECKABLE)
 """Facts that say that it is not known whether the task is done."""
+HOPELESS = dict.fromkeys(
+    ("jar removed", "jar tipped before", "jar struck out of the hand", "jar toppled as the hand lets go",
+     "bowl removed during the tilt"), ACTS,
+) | dict.fromkeys(("bowl removed", "bowl tipped before"), ("pour",))  # fmt: skip
+"""Case -> tasks that nobody could do then: the thing is gone, lies, or fell to the floor."""
 VERDICTS = ("right done", "right failed", "unsure", "false failed", "FALSE done", "drop", "hang", "crash")
 
 
@@ -554,6 +559,11 @@ def printed(lines: list[dict[str, Any]]) -> Iterator[str]:
     yield from counted("what happens", lines, "case", CASES)
     yield ""
     yield from counted("task", lines, "act", ACTS)
+    yield ""
+    could = [line for line in lines if line["act"] not in HOPELESS.get(line["case"], ())]
+    done = sum(line["good"] for line in could)
+    share = 100 * done / max(1, len(could))
+    yield f"Of the {len(could)} runs in which the task could be done, it is done in {done} ({share:.1f} %)."
     yield ""
     wrong: dict[str, list[str]] = {}
     for line in lines:

@@ -30,6 +30,20 @@ def test_a_death_is_believed_after_the_grace() -> None:
     assert peers.alive == {"b": 1}
 
 
+def test_of_linked_agents_a_death_is_believed_at_once() -> None:
+    """No router can have taken the token along; a new life that was told before is no death."""
+    peers = Peers(("a", "b"), 0.0)
+    peers.router(True, 0.0)
+    for agent in ("a", "b"):
+        peers.token(agent, 1, True, 1.0)
+    peers.token("a", 1, False, 10.0)
+    assert peers.look_at == 10.0
+    assert peers.gone(10.0) == [PeerChanged("a", None)]
+    peers.token("b", 2, True, 10.0)
+    peers.token("b", 1, False, 10.0)
+    assert peers.gone(10.0) == []
+
+
 @pytest.mark.parametrize("order", list(itertools.permutations(["a", "b", "router"])))
 def test_a_lost_router_is_nobodys_death(order: tuple[str, ...]) -> None:
     """Tokens and transport vanish in any order within the grace: the link is lost, and nobody is dead."""

@@ -27,12 +27,12 @@ class Looks:
         file.write_text(f"#!/bin/sh\n{text}\n")
         file.chmod(0o755)
 
-    def __call__(self, *names):
-        """Its exit code and words."""
+    def __call__(self, *names, **told):
+        """Its exit code and words; `told`: of its environment."""
         (self.place / "wall").write_text(f"{self.wall}\n")
         (self.place / "up").write_text(f"{self.up}\n")
         places = {"TMPDIR": str(self.place), "CLOCKS": str(self.place), "PATH": f"{self.place}:{os.environ['PATH']}"}
-        environment = {**os.environ, **places, "ROCO_RUN_DIR": str(self.run)}
+        environment = {**os.environ, **places, "ROCO_RUN_DIR": str(self.run), **told}
         done = subprocess.run([HEALTHY, *names], env=environment, capture_output=True, timeout=20.0)
         assert done.stderr == b""
         return done.returncode, done.stdout.decode()
@@ -66,6 +66,14 @@ def write(path, age_s=0.0):
 
 def test_what_never_said_so_is_not_ready(look):
     """A container that just starts."""
+    assert look("km") == (1, "km: not ready yet\n")
+
+
+def test_in_a_swarm_a_heartbeat_is_enough(tmp_path, look):
+    """What is not healthy has no name there, and agents are ready only once they reached each other."""
+    assert look("km", ROCO_HEALTHY="alive") == (1, "km: no heartbeat\n")
+    write(tmp_path / "km.heartbeat.json")
+    assert look("km", ROCO_HEALTHY="alive") == (0, "")
     assert look("km") == (1, "km: not ready yet\n")
 
 

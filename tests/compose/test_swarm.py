@@ -69,7 +69,7 @@ def test_a_service_gets_its_own_key_and_no_other(name):
     rules |= {f"{name}-links": f"{name}.links.json"} if name in DESIGN.agents else {}
     assert targets == own | rules
     assert all(secret["uid"] == "10001" and secret["mode"] == 0o400 for secret in service["secrets"])
-    assert service["environment"] == {"ROCO_TLS_DIR": "/run/secrets"}
+    assert service["environment"] == {"ROCO_TLS_DIR": "/run/secrets", "ROCO_HEALTHY": "alive"}
     assert STACK["services"][name]["environment"]["ROCO_CONNECT"].startswith("tls/")
 
 

@@ -13,7 +13,9 @@ is there or may come back; then the name that appeared last is believed. Pure: t
 from agent_runtime.core.events import LinkChanged, PeerChanged
 
 GRACE_S = 0.05
-"""The transport's end was told 1-9 ms after a router was killed (measured); several times that."""
+"""The transport's end was told 1-9 ms after a router was killed (measured); several times that. Of agents that are
+linked with each other a vanished token is believed at once: no other process can have taken it along.
+"""
 RETURN_S = 3.0
 """Reconnection is tried at least every 0.5 s, a cut-off peer is dropped after the lease of 2 s; a little more."""
 HASTE_S = 0.2
@@ -23,13 +25,13 @@ TOKENS = 1024
 
 
 class Peers:
-    """Of one agent; `known` are those it talks to.
+    """Of one agent; `known` are those it talks to, `grace_s` how long a vanished token is doubted [s].
 
     `alive`: the incarnation that is believed of each.
     """
 
-    def __init__(self, known: tuple[str, ...]) -> None:
-        self._known = frozenset(known)
+    def __init__(self, known: tuple[str, ...], grace_s: float = GRACE_S) -> None:
+        self._known, self._grace_s = frozenset(known), grace_s
         self.up = False
         self.alive: dict[str, int] = {}
         self._journal: dict[str, str] = {}
@@ -55,7 +57,7 @@ class Peers:
             if not there:
                 del lives[journal]
             if (self._journal.get(agent), self.alive.get(agent)) == (journal, incarnation) and self.up:
-                self._doubted.setdefault(agent, now + GRACE_S)
+                self._doubted.setdefault(agent, now + self._grace_s)
         return []
 
     def router(self, up: bool, now: float) -> list[LinkChanged]:

@@ -33,7 +33,7 @@ from agent_runtime.core.events import (
     Tick,
 )
 from agent_runtime.core.inside import STEPS, looked_into
-from agent_runtime.core.peers import Peers
+from agent_runtime.core.peers import GRACE_S, Peers
 from agent_runtime.core.recent import preceding
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
@@ -94,7 +94,7 @@ class Shell:
         self._stop: Stop | None = None
         self._core = Core(agent, wiring)
         self._inbox = Inbox()
-        self._peers = Peers(wiring.peers)
+        self._peers = Peers(wiring.peers, 0.0 if options.agents else GRACE_S)
         self._unheard = Watch(wiring)
         self._journal = Journal(journal_file(run, agent.name))
         self._maker = device
