@@ -36,7 +36,7 @@ def test_keys_are_those_of_the_design(name: str) -> None:
             )
             assert mine.key(message) == DESIGN.key("velma", message)
     for peer, channel in DESIGN.peers(name).items():
-        assert f"roco/velma/{channel}/{peer}/{name}/*/*" in mine.inbox_keys()
+        assert f"roco/velma/{channel}/{peer}/{name}/*/*" in mine.inbox_keys(mine.peers)
 
 
 def test_a_group_is_not_awaited() -> None:

@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 import companion
+from agent_runtime.io.cli import endpoints
 from topdown.check import check
 from topdown.model import loading
 from topdown.model.design import Design
@@ -162,7 +163,7 @@ def test_a_design_that_cannot_be_a_project_is_refused_before_anything_is_written
 
 @pytest.mark.parametrize("name", DESIGNS)
 def test_compose_has_a_service_for_each_agent_router_and_monitor(name, tmp_path):
-    """Each runs a module that is there, finds the router by its name, and says whose fleet it is."""
+    """Each runs a module that is there, finds router and agents by their names, and says whose fleet it is."""
     scaffold(DESIGNS[name](), tmp_path, name)
     services = yaml.safe_load((tmp_path / "compose.yaml").read_text())["services"]
     agents = Design(loading.read(DESIGNS[name]()), name).agents
@@ -171,7 +172,9 @@ def test_compose_has_a_service_for_each_agent_router_and_monitor(name, tmp_path)
     for agent in agents:
         package, _, module = services[agent]["command"][-1].partition(".")
         assert (tmp_path / package / module / "__main__.py").exists()
-        assert services[agent]["environment"]["ROCO_CONNECT"] == "tcp/router:7447"
+        told = services[agent]["environment"]
+        assert (told["ROCO_CONNECT"], told["ROCO_LISTEN"]) == ("tcp/router:7447", "tcp/0.0.0.0:7448")
+        assert endpoints(told["ROCO_AGENTS"]) == {one: f"tcp/{one}:7448" for one in agents}
         assert services[agent]["depends_on"] == ["router", "monitor"]
 
 

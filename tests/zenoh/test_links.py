@@ -6,6 +6,7 @@ The depot as a person starts it, and bare sessions with the keys of its agents.
 import os
 import shutil
 import signal
+import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
@@ -17,21 +18,31 @@ import zenoh
 from test_faults import Depot
 from toy_fleet import wait_for
 
+from agent_runtime.core import binding
 from agent_runtime.io import issuing, secured
 from agent_runtime.io.heartbeat import Heartbeat
+from agent_runtime.io.inbox import Inbox
+from agent_runtime.io.incoming import Bytes
 from agent_runtime.io.links import Links, NoEndpointError
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_FOLDER
-from agent_runtime.io.sessions import client_config, close, free_endpoint, open_links
+from agent_runtime.io.sessions import client_config, close, free_endpoint, open_links, open_router
+from agent_runtime.io.zenoh_wire import ZenohWire
 from companion.binding import wiring
 from companion.design import DESIGN
+from fipa_codec.communicate import Communicate
+from fipa_codec.languages import Languages
+from fipa_codec.performatives import Performative
 from operate.cli.fleet.local import Local
 from operate.run_folder import ProcessState
+from topdown.model import loading
+from topdown.model.design import Design
 from topdown.model.rights import families
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(150)]
 EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
 PATIENCE_S = 60.0
+GROUPED = Path(__file__).parents[1] / "topdown/grouped.toml"
 SYSTEM = "roco"
 
 
@@ -150,12 +161,53 @@ def test_an_agent_that_is_not_told_of_a_neighbour_says_so(keys: Path) -> None:
         Links(Options(keys=keys, agents={"co": "tls/h:1", "pl": "tls/h:2"}), wiring("co", SYSTEM))
 
 
+def test_who_speaks_for_a_group_is_at_the_router(tmp_path: Path) -> None:
+    """And hears there what a linked agent says to the group; the agent's words to others do not pass there."""
+    design = Design(loading.read(GROUPED.read_text()), "grouped")
+    at, ends = free_endpoint(), {"doer": free_endpoint(), "asker": free_endpoint()}
+    router = open_router(at)
+    wires = binding.wiring("doer", "one", design=design, languages=Languages())
+    inbox, heard = Inbox(), list[str]()
+    wire = ZenohWire(Links(Options(agents=ends), wires).open(), wires, 1, inbox, direct=True)
+    base = zenoh.open(client_config(at))
+    ears = base.declare_subscriber("roco/one/*/doer/*/*/*", lambda sample: heard.append(str(sample.key_expr)))
+    try:
+        drive = Communicate(
+            performative=Performative.REQUEST, protocol="request", sender="doer", receiver="base", id="1"
+        )
+        wire.send(drive)  # there is no session at the router yet
+        wire.join(zenoh.open(client_config(at)))
+        reached = "roco/one/C2/doer/base/request/request"
+        wait_for(lambda: wire.send(drive) and reached in heard, "the group hears")
+        wire.send(msgspec.structs.replace(drive, receiver="asker"))
+        told = "roco/one/C2/base/doer/request/inform"
+        wait_for(lambda: base.put(told, b"there") or _said(inbox, told), "the agent hears the group")
+        assert set(heard) == {reached}
+    finally:
+        del ears
+        for one in (wire, base, router):
+            one.close()
+
+
+def _said(inbox: Inbox, key: str) -> bool:
+    """Whether something came on a key."""
+    item = inbox.get(0.1)
+    return isinstance(item, Bytes) and item.key == key
+
+
 # --- a depot ----------------------------------------------------------------------------------------------------------
 
 
-def test_agents_linked_by_sockets_of_this_host_work(tmp_path: Path) -> None:
+@pytest.fixture
+def short() -> Iterator[Path]:
+    """A folder whose name is short enough for sockets in it."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder)
+
+
+def test_agents_linked_by_sockets_of_this_host_work(short: Path) -> None:
     """Also when the router is gone and one of them was killed, whose socket is left."""
-    folder = tmp_path / "depot"
+    folder = short / "depot"
     shutil.copytree(EXAMPLE, folder, ignore=shutil.ignore_patterns("runs", "__pycache__"))
     made = Depot(folder)
     try:

@@ -6,6 +6,7 @@ imports no system. Key expressions: `roco/<system>/<channel>/<sender>/<receiver>
 communicates, `roco/<system>/_/<kind>/<owner>[/<peer>]` for other traffic (receipts, pings, liveliness).
 """
 
+from collections.abc import Collection
 from enum import StrEnum
 from functools import cached_property
 from typing import Any
@@ -145,9 +146,14 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
             self.system, link.channel, self.agent, link.peer, link.protocol, communicate.performative
         )
 
-    def inbox_keys(self) -> tuple[str, ...]:
-        """Return the key expressions this agent listens on, one per channel and peer."""
-        pairs = sorted({(link.channel, link.peer) for link in self.links})
+    @property
+    def groups(self) -> frozenset[str]:
+        """The peers that are no agents of the design: whoever speaks for one is at the router."""
+        return frozenset(link.peer for link in self.links if not link.awaited)
+
+    def inbox_keys(self, peers: Collection[str]) -> tuple[str, ...]:
+        """Return the key expressions on which this agent hears these peers, one per channel and peer."""
+        pairs = sorted({(link.channel, link.peer) for link in self.links if link.peer in peers})
         return tuple(f"roco/{self.system}/{channel}/{peer}/{self.agent}/*/*" for channel, peer in pairs)
 
     def heard_keys(self) -> tuple[str, ...]:

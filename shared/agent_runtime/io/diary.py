@@ -48,7 +48,7 @@ class Diary:
 
     def __init__(self, log: Log, steps: StepLog, wiring: Wiring) -> None:
         self._log, self._steps, self._wiring = log, steps, wiring
-        self._without_log = frozenset(link.peer for link in wiring.links if not link.awaited)
+        self._without_log = wiring.groups
         self._unwritten: list[_Done] = []
         self._noted = self._heard = self._said = 0
 

@@ -32,15 +32,16 @@ class Links:
 
     def __init__(self, options: Options, wiring: Wiring) -> None:
         """Raises KeysError where the keys or the rules of this agent are missing, NoEndpointError where an endpoint."""
-        unknown = [name for name in (wiring.agent, *wiring.peers) if name not in options.agents]
+        linked = [peer for peer in wiring.peers if peer not in wiring.groups]
+        unknown = [name for name in (wiring.agent, *linked) if name not in options.agents]
         if unknown:
             raise NoEndpointError(
                 f"{AGENTS_VARIABLE} has no endpoint of {', '.join(unknown)}; it has {', '.join(options.agents)}, and"
-                f" {wiring.agent} is linked with {', '.join(wiring.peers)}"
+                f" {wiring.agent} is linked with {', '.join(linked)}"
             )
         self._keys, self._name = options.keys, wiring.agent
         self.at = options.listen or options.agents[wiring.agent]
-        self._neighbours = tuple(options.agents[peer] for peer in wiring.peers)
+        self._neighbours = tuple(options.agents[peer] for peer in linked)
         self._age: object = None
         self._settings()
 

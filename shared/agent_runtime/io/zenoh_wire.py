@@ -2,10 +2,11 @@
 
 Every communicate is a put on its own key; receipts, pings and pongs are puts beside them; a liveliness token says
 which incarnation of the agent is alive. All this goes to the neighbours: directly, or by the router. What is for tools
-(the state, samples for people, the log) goes by the router, and orders come from there.
+(the state, samples for people, the log) goes by the router, and orders come from there. Whoever speaks for a group of
+the design is always at the router.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -71,7 +72,8 @@ class ZenohWire:
         `log`: its step log, for a recorder that cannot read it.
         """
         self._wiring, self._inbox, self._direct = wiring, inbox, direct
-        self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr, Any, Any, bool]] = {}
+        self._groups = wiring.groups if direct else frozenset()
+        self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr | str, Any, Any, bool]] = {}
         self._known: dict[str, tuple[Class, tuple[str, ...], bool]] = {}
         self._channels = {
             peer: frozenset(link.channel.encode() for link in wiring.links if link.peer == peer)
@@ -95,18 +97,24 @@ class ZenohWire:
 
     def link(self, session: zenoh.Session) -> None:
         """Hear the neighbours, and be alive to them, from now on in this session."""
-        system, me = self._wiring.system, self._wiring.agent
         self._session, self._routes = session, {}
         self._declared += [
-            *(session.declare_subscriber(key, self._on_communicate) for key in self._wiring.inbox_keys()),
-            session.declare_subscriber(service_key(system, "receipt", "*", me), self._on_receipt),
-            session.declare_subscriber(service_key(system, "ping", "*", me), self._on_ping),
-            session.declare_subscriber(service_key(system, "pong", "*", me), self._on_pong),
+            *self._heard(session, set(self._wiring.peers) - self._groups, "*"),
+            session.liveliness().declare_token(self._life),
+        ]
+
+    def _heard(self, session: zenoh.Session, peers: Collection[str], owner: str) -> list[Any]:
+        """Hear these peers in a session. `owner`: the chunk of the runtime's own keys that names them."""
+        system, me = self._wiring.system, self._wiring.agent
+        return [
+            *(session.declare_subscriber(key, self._on_communicate) for key in self._wiring.inbox_keys(peers)),
+            session.declare_subscriber(service_key(system, "receipt", owner, me), self._on_receipt),
+            session.declare_subscriber(service_key(system, "ping", owner, me), self._on_ping),
+            session.declare_subscriber(service_key(system, "pong", owner, me), self._on_pong),
             # history: a token declared in the same instant was missed without it in 4 of 9 runs.
             session.liveliness().declare_subscriber(
-                service_key(system, "alive", "*", "*"), self._on_token, history=True
+                service_key(system, "alive", owner, "*"), self._on_token, history=True
             ),
-            session.liveliness().declare_token(self._life),
         ]
 
     def unlink(self) -> None:
@@ -122,6 +130,7 @@ class ZenohWire:
             session.declare_subscriber(service_key(system, KIND, "*", me), self._on_order),
             session.declare_subscriber(service_key(system, WANTED, "*", me), self._on_wanted),
             *([session.liveliness().declare_token(self._life)] if self._direct else []),
+            *(one for group in sorted(self._groups) for one in self._heard(session, {group}, group)),
         ]
 
     # --- out ----------------------------------------------------------------------------------------------------------
@@ -141,16 +150,18 @@ class ZenohWire:
         names = self._attached(communicate.receiver) if kept else None
         if names and (after or heard):
             names += b"/" + after.hex().encode() + (f"/{heard}".encode() if heard else b"")
-        self._put(key, data, priority if len(data) < BULK_BYTES else bulky, names)
+        self._put(communicate.receiver, key, data, priority if len(data) < BULK_BYTES else bulky, names)
         return len(data)
 
     def _attached(self, peer: str) -> bytes | None:
         return self._names.get(peer) or (f"{self._journal}/".encode() if self._journal else None)
 
-    def _route(self, communicate: Communicate) -> tuple[zenoh.KeyExpr, Any, Any, bool]:
+    def _route(self, communicate: Communicate) -> tuple[zenoh.KeyExpr | str, Any, Any, bool]:
         """Key and priorities. One for a whole stream: an overtaking message would only be dropped as a gap."""
         link = self._wiring.required(communicate.receiver, communicate.protocol)
-        key = self._session.declare_keyexpr(self._wiring.key(communicate))
+        key: zenoh.KeyExpr | str = self._wiring.key(communicate)
+        if communicate.receiver not in self._groups:
+            key = self._session.declare_keyexpr(key)
         if link.delivery is Delivery.DURABLE:
             return key, _FIRST, _FIRST, True
         return key, _SECOND, _LAST, link.delivery is Delivery.LATEST
@@ -158,12 +169,12 @@ class ZenohWire:
     def send_receipt(self, receipt: Receipt) -> None:
         """Put a receipt."""
         key = service_key(self._wiring.system, "receipt", self._wiring.agent, receipt.peer)
-        self._put(key, msgspec.msgpack.encode(receipt), _FIRST, self._attached(receipt.peer))
+        self._put(receipt.peer, key, msgspec.msgpack.encode(receipt), _FIRST, self._attached(receipt.peer))
 
     def ping(self, peer: str, channel: bytes, *, pong: bool = False) -> None:
         """Ask whether `peer` is there on a channel, or answer its question."""
         key = service_key(self._wiring.system, "pong" if pong else "ping", self._wiring.agent, peer)
-        self._put(key, channel, _SECOND)
+        self._put(peer, key, channel, _SECOND)
 
     def publish(self, kind: str, data: bytes) -> None:
         """Put something for people: dropped where it would have to wait. Raises TooLongError."""
@@ -184,13 +195,16 @@ class ZenohWire:
         self._declared.clear()
         self._orders.clear()
 
-    def _put(self, key: zenoh.KeyExpr | str, data: bytes, priority: Any, attached: bytes | None = None) -> None:
-        if self._direct and self._session.is_closed():  # it is opened again: what is said now is said again then
+    def _put(
+        self, peer: str, key: zenoh.KeyExpr | str, data: bytes, priority: Any, attached: bytes | None = None
+    ) -> None:
+        session = self._tools if peer in self._groups else self._session
+        if session is None or (self._direct and session.is_closed()):  # what is said now is said again once it is open
             return
         if attached is None:
-            put(self._session, key, data, priority=priority, congestion_control=_BLOCK)
+            put(session, key, data, priority=priority, congestion_control=_BLOCK)
         else:
-            put(self._session, key, data, priority=priority, congestion_control=_BLOCK, attachment=attached)
+            put(session, key, data, priority=priority, congestion_control=_BLOCK, attachment=attached)
 
     def _put_log(self, data: bytes) -> None:
         """Put a part of the log, behind everything else."""

@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import AGENTS_VARIABLE, LISTEN_VARIABLE, Options
 from agent_runtime.io.sessions import free_endpoint
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import FipaError
@@ -22,6 +22,7 @@ from operate.recording.records import Identity, Spoken
 from operate.run_folder import ProcessState
 from operate.supervisor import folder
 from operate.supervisor.keeping import KeptError, kept
+from operate.supervisor.securing import free_port
 from operate.supervisor.shell import Shell, end_left
 from operate.system import System, load
 from operate.wording import escaped, one_line
@@ -70,8 +71,9 @@ def foreground(system: System, run_dir: Path, connect: str, after_s: float | Non
 def _kept(system: System, run_dir: Path, connect: str, after_s: float | None, scene: str) -> int:
     end_left(run_dir, system.processes, system.name)
     folder.make(run_dir)
-    environment = _environment(system, run_dir, connect, scene)
-    shell = Shell(run_dir, system.processes, system.name, connect, environment, bound=system)
+    agents = {name: f"tcp/127.0.0.1:{free_port()}" for name in system.design.agents}
+    environment = _environment(system, run_dir, connect, agents, scene)
+    shell = Shell(run_dir, system.processes, system.name, connect, environment, bound=system, agents=agents)
     names = ", ".join(process.name for process in system.processes)
     here = run_dir.relative_to(Path.cwd()) if run_dir.is_relative_to(Path.cwd()) else run_dir
     print(f"{system.name}: {names}; files in {here}", flush=True)
@@ -82,12 +84,14 @@ def _kept(system: System, run_dir: Path, connect: str, after_s: float | None, sc
     return watch.status
 
 
-def _environment(system: System, run_dir: Path, connect: str, scene: str) -> dict[str, str]:
+def _environment(system: System, run_dir: Path, connect: str, agents: dict[str, str], scene: str) -> dict[str, str]:
     """Settings that all processes share, besides the folder they are run in."""
     return os.environ | {
         "ROCO_RUN_DIR": str(run_dir),
         "ROCO_SYSTEM": system.name,
         "ROCO_CONNECT": connect,
+        LISTEN_VARIABLE: "",
+        AGENTS_VARIABLE: ",".join(f"{name}={endpoint}" for name, endpoint in agents.items()),
         "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
         "PYTHONUNBUFFERED": "1",
         "PYTHONSAFEPATH": "1",

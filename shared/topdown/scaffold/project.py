@@ -98,7 +98,9 @@ SYSTEM = System(
 
 def _compose(design: Design, package: str) -> str:
     services = "\n".join(_service(agent, f"{package}.{agent}") for agent in design.agents)
-    return f"""# One service for each agent of design.toml, the router between them, and the monitor, which records.
+    places = ",".join(f"{agent}=tcp/{agent}:7448" for agent in design.agents)
+    return f"""# One service for each agent of design.toml, the router for tools, and the monitor, which records.
+# Agents are linked with each other.
 # `docker compose up -d` (or docker-compose 1.29) here; then the verbs of `roco` look into these containers.
 # No TLS: for a network of your own. The image has Python 3.11, robot-companion and its extra `monitor`; this folder is
 # mounted at /app. `docker compose -f deploy/compose.yaml build monitor` in the clone makes the one named here.
@@ -121,7 +123,10 @@ x-environment: &environment
 
 x-agent: &agent
   <<: *common
-  environment: *environment
+  environment:
+    <<: *environment
+    ROCO_LISTEN: tcp/0.0.0.0:7448
+    ROCO_AGENTS: {places}
   depends_on: [router, monitor]
 
 services:
