@@ -68,8 +68,10 @@ KNOCK_S, OBSTACLE_S = 1.5, 5.0  # as in tests/fleet/test_lost.py; until somebody
 BESIDE_M = 0.15  # of a person's hand from the way of the robot's; estimate
 AHEAD_M = 0.15  # what stands in the way is at least so far from the hand at first; estimate
 LEAST = 0.9  # of the content, that a pour moves, as the report demands
-UPRIGHT_DEG, FLOOR_M, OPEN_RAD, FINGERS, NEAR_M = 10.0, 0.3, 1.0, 2, 0.06
-"""Of what stands; of what fell; of an open door; links on a held thing; of what stands where it stood. Estimates."""
+UPRIGHT_DEG, FLOOR_M, OPEN_RAD, FINGERS, NEAR_M, LEANS_DEG = 10.0, 0.3, 1.0, 2, 0.06, 45.0
+"""Of what stands; of what fell; of an open door; links on a held thing; of what stands where it stood; of what leans
+against a hand and is not held. Estimates.
+"""
 PARKED = np.array([-3.0, 0.0, 1.0])
 Event = Callable[["Disturbed"], None]
 
@@ -477,7 +479,8 @@ def goal(run: Disturbed, act: str, first: Truth, held: str) -> bool:
         case "pour":
             return truth.grains_in[BOWL] >= LEAST * truth.grains and truth.tilt_deg[BOWL] < UPRIGHT_DEG
         case _:
-            return hand_of(truth, JAR) not in ("", held)
+            away = math.dist(truth.at[JAR], first.at[JAR]) > NEAR_M  # it has left its place
+            return hand_of(truth, JAR) not in ("", held) and away and truth.tilt_deg[JAR] < LEANS_DEG
 
 
 def angle(run: Disturbed, name: str) -> float:

@@ -240,7 +240,7 @@ def depot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Depot]:
     try:
         orders = folder / "many.toml"
         orders.write_text((EXAMPLE / "depot/orders.toml").read_text() * 30)
-        made.roco("up", "--links", "direct", "--faults", "--scene", str(orders), "--out", str(made.run))
+        made.roco("up", "--faults", "--scene", str(orders), "--out", str(made.run))
         yield made
     finally:
         made.roco("down", "--run-dir", str(made.run))

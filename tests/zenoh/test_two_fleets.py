@@ -37,7 +37,7 @@ class Site:
     """A folder with the keys, the site's own run, and a run for each robot, whose agents are linked or not."""
 
     def __init__(self, folder: Path, links: str) -> None:
-        self.folder, keys = folder, folder / "keys"
+        self.folder, keys, self._links = folder, folder / "keys", links
         at = free_endpoint().replace("tcp/", "tls/")
         self.roco("keys", "make", str(keys), "--system", ",".join(TOLD), "--links", links)
         self.up(folder, "router,monitor", keys, ROCO_CONNECT=at)
@@ -51,7 +51,20 @@ class Site:
             "ROCO_SYSTEMS": ",".join(TOLD),
             "ROCO_VIEW": "off",
         }
-        self.roco("up", "--out", str(run), "--only", only, "--speed", "max", "--no-wait", **told, **more)
+        self.roco(
+            "up",
+            "--out",
+            str(run),
+            "--only",
+            only,
+            "--links",
+            self._links,
+            "--speed",
+            "max",
+            "--no-wait",
+            **told,
+            **more,
+        )
 
     def roco(self, *words: str, **told: str) -> None:
         """`roco` with these variables; it must end well."""

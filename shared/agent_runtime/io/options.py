@@ -22,7 +22,6 @@ class Linking(StrEnum):
 HOW_LINKED = (
     "direct: agents are linked with each other, and the router is for tools alone. unix: the same, by sockets of this"
     " host, without TLS: for a machine with a single user. router: they meet at the router."
-    " Else direct, where it is told or known where each agent listens."
 )
 """The help of the option `--links`."""
 

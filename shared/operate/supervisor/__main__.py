@@ -32,7 +32,7 @@ def main(
         str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot; else the system's own.")
     ] = "",
     connect: Annotated[str, typer.Option(envvar="ROCO_CONNECT", help="The router's address; empty: a free port.")] = "",
-    links: Annotated[Linking | None, typer.Option(help=HOW_LINKED)] = None,
+    links: Annotated[Linking, typer.Option(help=HOW_LINKED)] = Linking.DIRECT,
     agents: Annotated[
         str,
         typer.Option(
@@ -88,13 +88,12 @@ def main(
             routing, told = ROUTER in (process.name for process in processes), endpoints(agents)
             own = tuple(process.name for process in processes if process.name in bound.design.agents)
             given = Path(keys) if keys and not insecure else None
-            why_not = unlinkable(bound.design, own, told, given, routed=routing)
-            unix = links is Linking.UNIX
-            if (links is Linking.DIRECT or unix or told) and why_not:
+            away = elsewhere(bound.design, own, told)
+            direct, unix = links is not Linking.ROUTER, links is Linking.UNIX
+            if direct and (why_not := unlinkable(own, away, given, parted=bool(told) or not routing)):
                 raise ValueError(why_not)
             if unix and (told or faults):
                 raise ValueError("--links unix goes with neither --agents nor --faults: sockets are of this host alone")
-            direct = links is not Linking.ROUTER and not why_not
             if check:
                 return
             stack.enter_context(kept(run))
@@ -108,7 +107,7 @@ def main(
                 keys,
                 insecure=insecure,
                 here=routing,
-                agents=dict.fromkeys(own, "") | told if direct else {},
+                agents=dict.fromkeys((*own, *away), "") | told if direct else {},
                 unix=unix,
                 days=key_days,
             )
@@ -155,23 +154,25 @@ def main(
         shell.serve()
 
 
-def unlinkable(design: Design, own: tuple[str, ...], told: dict[str, str], keys: Path | None, *, routed: bool) -> str:
+def elsewhere(design: Design, own: tuple[str, ...], told: dict[str, str]) -> tuple[str, ...]:
+    """Return the agents with which those that start here, `own`, are linked, and of which no endpoint is told."""
+    near = {peer for name in own for peer in design.peers(name)}
+    return tuple(name for name in design.agents if name in near - {*own, *told})
+
+
+def unlinkable(own: tuple[str, ...], away: tuple[str, ...], keys: Path | None, *, parted: bool) -> str:
     """Return why the agents `own` that are started here cannot be linked directly, "" where they can.
 
-    `told`: endpoints of agents; {}: all are here. `keys`: those that are given, None: they are made here, or there are
-    none. `routed`: a router is started here.
+    `away`: their neighbours that nobody told of. `keys`: those that are given, None: they are made here, or there are
+    none. `parted`: a part of the fleet is somewhere else.
     """
-    wanted = {peer for name in own for peer in design.peers(name)} if told else {*design.agents}
-    elsewhere = sorted(wanted - {*own, *told}) or ([] if told or routed or keys else [ROUTER])
-    if elsewhere:
-        return (
-            f"--links direct: {', '.join(elsewhere)} would be elsewhere; --agents tells where agents elsewhere listen"
-        )
+    if away and parted:
+        return f"{', '.join(away)} would be elsewhere; --agents tells where agents elsewhere listen"
     without = [name for name in own if keys is not None and not links_file(keys, name).exists()]
     if without:
         return (
-            f"--links direct: {keys} has no rules of {', '.join(without)} for its neighbours;"
-            " `roco keys make` makes keys that have"
+            f"{keys} has no rules of {', '.join(without)} for its neighbours; `roco keys make` makes keys that have,"
+            " and --links router needs none"
         )
     return ""
 

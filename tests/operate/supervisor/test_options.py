@@ -34,14 +34,14 @@ def supervisor(run: Path, *words: str) -> "subprocess.CompletedProcess[str]":
         (("--scene", "."), "directory"),
         (("--only", "nobody"), "supervisor: no process is called nobody"),
         (
-            ("--links", "direct", "--only", "router,pl,km"),
-            "--links direct: co, ex, hi, ta would be elsewhere; --agents tells",
+            ("--only", "pl,km"),
+            "supervisor: co, ta would be elsewhere; --agents tells",
         ),
         (
             ("--only", "router,pl,km", "--agents", "co=tls/desk:1"),
-            "--links direct: ta would be elsewhere",
+            "supervisor: ta would be elsewhere",
         ),
-        (("--links", "direct", "--keys", "given"), "given has no rules of"),
+        (("--keys", "given"), "given has no rules of"),
         (("--links", "unix", "--faults"), "--links unix goes with neither --agents nor --faults"),
     ],
 )

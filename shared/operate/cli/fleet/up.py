@@ -57,7 +57,7 @@ def up(
     ] = "",
     insecure: Insecure = False,
     faults: Faults = False,
-    links: Annotated[Linking | None, typer.Option(help=HOW_LINKED)] = None,
+    links: Annotated[Linking, typer.Option(help=HOW_LINKED)] = Linking.DIRECT,
     agents: Annotated[
         str,
         typer.Option(
@@ -84,7 +84,7 @@ def up(
     with problems(form), interrupts.heard():
         where = running_fleets.place(out, another, datetime.now())
         words = [*options(seed, speed, scene, insecure, faults=faults), *(["--only", only] if only else [])]
-        words += ["--links", links.value] if links else []
+        words += ["--links", links.value] if links is not Linking.DIRECT else []
         words += ["--agents", agents] if agents else []
         if seconds is not None and not wait:
             raise UsageError("--for counts from when all are ready; leave --no-wait out")
