@@ -460,14 +460,20 @@ def hand_of(truth: Truth, name: str) -> str:
     return side if links >= FINGERS else ""
 
 
+def taken(truth: Truth, first: Truth) -> bool:
+    """Whether a hand holds the jar and has taken it away from where it stood; one that lies against a hand is not held."""
+    away = math.dist(truth.at[JAR], first.at[JAR]) > NEAR_M
+    return bool(hand_of(truth, JAR)) and away and truth.tilt_deg[JAR] < LEANS_DEG
+
+
 def goal(run: Disturbed, act: str, first: Truth, held: str) -> bool:
     """Return whether a task is truly done. `first`: at the beginning, `held`: in which hand the jar was then."""
     truth = run.truth.read()
     match act:
         case "take" | "bring":
-            return bool(hand_of(truth, JAR))
+            return taken(truth, first)
         case "open":
-            return bool(hand_of(truth, JAR)) and max(abs(angle(run, name)) for name in ("door_1", "door_2")) > OPEN_RAD
+            return taken(truth, first) and max(abs(angle(run, name)) for name in ("door_1", "door_2")) > OPEN_RAD
         case "carry":
             away = run.truth.pose(TABLE)[0].T @ (np.array(truth.at[JAR]) - run.truth.pose(TABLE)[1])
             return stands(truth, JAR) and bool(np.hypot(*away[:2]) < 0.65)
@@ -479,8 +485,7 @@ def goal(run: Disturbed, act: str, first: Truth, held: str) -> bool:
         case "pour":
             return truth.grains_in[BOWL] >= LEAST * truth.grains and truth.tilt_deg[BOWL] < UPRIGHT_DEG
         case _:
-            away = math.dist(truth.at[JAR], first.at[JAR]) > NEAR_M  # it has left its place
-            return hand_of(truth, JAR) not in ("", held) and away and truth.tilt_deg[JAR] < LEANS_DEG
+            return taken(truth, first) and hand_of(truth, JAR) != held
 
 
 def angle(run: Disturbed, name: str) -> float:
