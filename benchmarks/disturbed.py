@@ -461,7 +461,7 @@ def hand_of(truth: Truth, name: str) -> str:
 
 
 def taken(truth: Truth, first: Truth) -> bool:
-    """Whether a hand holds the jar and has taken it away from where it stood; one that lies against a hand is not held."""
+    """Whether a hand holds the jar, and took it away from where it stood. One that leans against a hand is not held."""
     away = math.dist(truth.at[JAR], first.at[JAR]) > NEAR_M
     return bool(hand_of(truth, JAR)) and away and truth.tilt_deg[JAR] < LEANS_DEG
 
