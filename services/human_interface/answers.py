@@ -8,7 +8,7 @@ from collections.abc import Callable
 from companion import commands
 from companion.languages.cmd import TaskState
 from companion.languages.facts import Kind, fact
-from companion.sentences import person, state
+from companion.sentences import failure, person, state
 from services.human_interface.catalogue import can, say
 from services.human_interface.memory import Memory
 from services.human_interface.wishes import in_words
@@ -31,7 +31,8 @@ def _why(memory: Memory, language: str) -> str:
     if not ended:
         return say(language, "no_failure")
     line = ended[-1]
-    return say(language, "failed", line.said, person(line.why, language) or state(line.state, language))
+    why = failure(line.why, language) if line.state is TaskState.FAILED else person(line.why, language)
+    return say(language, "failed", line.said, why or state(line.state, language))
 
 
 def _help(memory: Memory, language: str) -> str:

@@ -6,9 +6,9 @@ import msgspec
 
 from companion.languages.cmd import TaskState
 from companion.languages.evidence import unchecked
-from companion.languages.facts import Facts, Kind, fact
+from companion.languages.facts import Kind, fact
 from companion.run_files import HiEvent, InWords, TaskLine, Wish
-from companion.sentences import Reader, person, place, please, state, step
+from companion.sentences import Reader, failure, person, place, please, state, step
 from services.page.catalogue import WORDS, say
 
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
@@ -142,7 +142,7 @@ def _task(line: TaskLine, language: str) -> TaskView:
         line.state,
         state(line.state, language),
         say(language, "urgent") if line.urgency else "",
-        "" if line.asks else person(_told_of(line), language),
+        "" if line.asks else _why(line, language),
         line.asks,
         _asks(line, language),
         line.deadline,
@@ -150,11 +150,12 @@ def _task(line: TaskLine, language: str) -> TaskView:
     )
 
 
-def _told_of(line: TaskLine) -> Facts:
+def _why(line: TaskLine, language: str) -> str:
     """What the person is told of a task; of one that is done what its own acts tell, not how long it took."""
-    if line.state != TaskState.DONE:
-        return line.why
-    return tuple(one for one in line.why if not isinstance(one.kind, Kind))
+    if line.state == TaskState.FAILED:
+        return failure(line.why, language)
+    done = line.state == TaskState.DONE
+    return person((one for one in line.why if not (done and isinstance(one.kind, Kind))), language)
 
 
 def _asks(line: TaskLine, language: str) -> str:

@@ -54,6 +54,23 @@ CALLED = {kind.capitalize() for kind in catalogue(Reader.ENGLISH).thing}
 """Things at the begin of a sentence: a Box is a shape, too."""
 CLASSES = re.compile(rf"\b({'|'.join(sorted(set(_classes()) - CALLED))})\b")
 
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_says_whether_its_sentence_asks_for_something(kind: AnyKind) -> None:
+    """In both languages that a person reads."""
+    for reader, word in ((Reader.ENGLISH, "please"), (Reader.POLISH, "proszę")):
+        assert (word in catalogue(reader).fact[kind].lower()) == kind.asks
+
+
+def test_of_a_failed_task_a_person_is_told_what_to_do() -> None:
+    """By one of the facts or their reasons, else by a call for help at the end; once."""
+    floor, path = fact(Kind.ON_THE_FLOOR, "jar_1"), fact(Kind.NO_WAY_HOME, Side.LEFT)
+    assert sentences.failure((path,), "en").endswith("finds no way back. Please help me.")
+    assert sentences.failure((fact(Kind.GIVEN_UP, 6, floor),), "en").endswith("please pick it up.")
+    assert sentences.failure((fact(Kind.GIVEN_UP, 6, path),), "pl").count("Proszę") == 1
+    assert sentences.failure((), "en") == ""
+
+
 # --- facts as hypothesis draws them -----------------------------------------------------------------------------------
 
 THINGS = st.sampled_from([f"{kind}_{n}" for kind in ("jar", "bowl", "box", "door", "table", "cabinet") for n in (1, 2)])

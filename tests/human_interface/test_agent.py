@@ -699,8 +699,8 @@ def test_why_names_the_reason(scene):
     scene.report(task, P.AGREE, TaskState.WAITING, NEXT)
     assert scene.say("why?").line.text == "You said 'take the jar'. Now: waiting. I do it next."
     scene.report(task, P.FAILURE, TaskState.FAILED, fact(Why.NOT_SEEN, "jar"))
-    assert scene.say("why?").line.text == "take the jar: I have not seen the jar."
-    assert scene.say("dlaczego?").line.text == "take the jar: Nie widzę słoika."
+    assert scene.say("why?").line.text == "take the jar: I have not seen the jar. Please help me."
+    assert scene.say("dlaczego?").line.text == "take the jar: Nie widzę słoika. Proszę o pomoc."
 
 
 def test_everything_can_be_cancelled_at_once(scene):

@@ -335,7 +335,8 @@ def test_polish(house, opened):
     say(one, "weź miskę")
     wait_for(lambda: len(house.asked) == 2, "the second task is asked for")
     house.report("hi-1-2", TaskState.FAILED, fact(Kind.NO_GRASP, "left", "bowl_1"))
-    expect(one.locator("#ended .why")).to_have_text("Moja lewa ręka nie może wziąć miski z tego miejsca.")
+    why = "Moja lewa ręka nie może wziąć miski z tego miejsca. Proszę o pomoc."
+    expect(one.locator("#ended .why")).to_have_text(why)
     one.get_by_role("link", name="English").click()
     expect(one.locator("#now")).to_have_text("Pour the content of the jar into the bowl.")
     expect(one.locator("#ended .why")).to_have_text("My left hand cannot take the bowl where it is.")

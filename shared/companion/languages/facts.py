@@ -19,15 +19,16 @@ from companion.languages.values import Side
 class AnyKind(StrEnum):
     """What a fact says: a general kind, or one of a task. Behind each kind stand its parts, in the order of a sentence:
     `a`, `b` for things, `things` for any number of them, `side` for a hand, `x:m` for a number with its unit, `w:part`
-    for a word of a list, `because` for facts that are the reason.
+    for a word of a list, `because` for facts that are the reason. `asks`: its sentence asks a person to do something.
     """
 
     parts: tuple[str, ...]
+    asks: bool
 
-    def __new__(cls, value: str, parts: str = "") -> Self:
+    def __new__(cls, value: str, parts: str = "", asks: bool = False) -> Self:
         """Return the kind with its parts."""
         kind = str.__new__(cls, value)
-        kind._value_, kind.parts = value, tuple(parts.split())
+        kind._value_, kind.parts, kind.asks = value, tuple(parts.split()), asks
         return kind
 
 
@@ -38,15 +39,15 @@ class Kind(AnyKind):
     SEEN = "seen", "things"
     SEEN_NOTHING = "seen-nothing"
     NOT_SEEN = "not-seen", "a"
-    NOT_SEEN_SINCE = "not-seen-since", "a"  # it is not where it was
-    LOST_SINCE = "lost-since", "side a"  # a hand lost it, and it was not seen since
+    NOT_SEEN_SINCE = "not-seen-since", "a", True  # it is not where it was
+    LOST_SINCE = "lost-since", "side a", True  # a hand lost it, and it was not seen since
     GIVEN_AWAY = "given-away", "side a"  # to a person, and it was not seen since
     NOT_WHERE_IT_WAS = "not-where-it-was", "a because"
     FELL_OVER = "fell-over", "a"
     LIES = "lies", "a"
     UPSIDE_DOWN = "upside-down", "a"
-    ON_THE_FLOOR = "on-the-floor", "a"
-    PERSON_NEEDED = "person-needed", "because"
+    ON_THE_FLOOR = "on-the-floor", "a", True
+    PERSON_NEEDED = "person-needed", "because", True
     ASIDE = "aside", "a x:m"  # from where it was put down
     MOVED = "moved", "a x:m"
     ABOVE = "above", "a b"
@@ -54,7 +55,7 @@ class Kind(AnyKind):
     NOT_LOOKED_AROUND = "not-looked-around", "because"
     NO_LOOK_IN_A_PLAN = "no-look-in-a-plan"
     # Senses
-    NOT_CHECKED = "not-checked", "w:claim a"
+    NOT_CHECKED = "not-checked", "w:claim a", True
     ILL = "ill", "w:sensor v:fault x:rad"
     NOTHING_IS_SEEN = "nothing-is-seen"
     NOT_BEGUN = "not-begun", "because"
@@ -66,7 +67,7 @@ class Kind(AnyKind):
     HOLDS_NOT = "holds-not", "side a"
     NO_HAND_HOLDS = "no-hand-holds", "a"
     HANDS_EMPTY = "hands-empty"
-    HANDS_FULL = "hands-full"  # and nobody named the thing
+    HANDS_FULL = "hands-full", "", True  # and nobody named the thing
     OTHER_HAND_WANTED = "other-hand-wanted", "side"
     PUT_DOWN_FIRST = "put-down-first", "side a"
     STILL_HELD = "still-held", "things because"
@@ -122,13 +123,13 @@ class Kind(AnyKind):
     BESIDE_ITS_PATH = "beside-its-path", "side x:m"
     NOT_ARRIVED = "not-arrived", "w:part x:s"
     MOTION_REFUSED = "motion-refused", "w:field"
-    FAULT = "fault"  # of the control loop, which says it in its log
+    FAULT = "fault", "", True  # of the control loop, which says it in its log
     HELD_STILL = "held-still", "w:mode"
     # Processes and messages
     BAD_COMMAND = "bad-command", "w:field"
     BEGUN_BEFORE = "begun-before"
     BUSY = "busy", "w:agent"
-    TASKS_OPEN = "tasks-open", "x:tasks"
+    TASKS_OPEN = "tasks-open", "x:tasks", True
     ENDED = "ended", "w:process"
     GAVE_NO_ANSWER = "gave-no-answer", "w:process"
     NO_MOTION_FOUND = "no-motion-found", "x:s"
@@ -139,7 +140,7 @@ class Kind(AnyKind):
     NO_REASON = "no-reason", "w:agent"
     TOOK_TOO_LONG = "took-too-long", "w:agent"
     NOT_ANSWERING = "not-answering", "w:agent"
-    SAY_AGAIN_LATER = "say-again-later", "because"
+    SAY_AGAIN_LATER = "say-again-later", "because", True
     NOT_OBSERVED_YET = "not-observed-yet"  # observations are under way to km
     CANCELLED = "cancelled"
     OBSERVER_AWAY = "observer-away"
@@ -154,7 +155,7 @@ class Kind(AnyKind):
     NOT_A_TASK = "not-a-task", "w:task"
     NOT_A_HAND = "not-a-hand", "w:hand"
     NOT_A_PLACE = "not-a-place", "w:furniture"
-    SEARCH_TOO_LONG = "search-too-long", "x:steps"
+    SEARCH_TOO_LONG = "search-too-long", "x:steps", True
     LOCALIZED = "localized", "a"
     NOT_LOCALIZED = "not-localized", "a"
     SO_ALREADY = "so-already"

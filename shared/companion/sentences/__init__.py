@@ -16,7 +16,7 @@ import msgspec
 
 from companion import tasks
 from companion.languages.evidence import AnyClaim
-from companion.languages.facts import Fact
+from companion.languages.facts import Fact, Facts, Kind, fact, with_reasons
 from companion.languages.hfsm import Place, Step
 from companion.languages.values import Side
 
@@ -110,6 +110,12 @@ def person(facts: Iterable[Fact], language: str) -> str:
     return " ".join(dict.fromkeys(_sentences(facts, Reader(language))))
 
 
+def failure(why: Facts, language: str) -> str:
+    """Return the sentences for a person of why a task failed; where none asks for anything, the last asks for help."""
+    asks = any(one.kind.asks for one in with_reasons(why))
+    return person(why if asks or not why else (*why, fact(Kind.PERSON_NEEDED)), language)
+
+
 def claimed(claim: AnyClaim, of: str) -> str:
     """Return a claim about a thing in the operator's words."""
     return catalogue(Reader.OPERATOR).claim[claim].format(a=_thing(of, Reader.OPERATOR))
@@ -168,11 +174,11 @@ def _with_reasons(fact: Fact) -> str:
 
 
 def _sentences(facts: Iterable[Fact], reader: Reader) -> Iterator[str]:
-    for fact in facts:
-        said = catalogue(reader).fact[fact.kind].format(**_parts(fact, reader))
+    for one in facts:
+        said = catalogue(reader).fact[one.kind].format(**_parts(one, reader))
         if said:
             yield said[:1].upper() + said[1:]
-        yield from _sentences(fact.because, reader)
+        yield from _sentences(one.because, reader)
 
 
 def _parts(fact: Fact, reader: Reader) -> dict[str, object]:

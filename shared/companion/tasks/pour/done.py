@@ -47,7 +47,7 @@ class PourKind(AnyKind):
     ARRIVED = "arrived", "a x:kg"
     ARRIVED_SOME = "arrived-some", "a"
     REST_NOT_THERE = "rest-not-there", "a"
-    NOT_SEEN_IN = "not-seen-in", "a"
+    NOT_SEEN_IN = "not-seen-in", "a", True
     NOTHING_LEFT = "nothing-left", "a x:kg y:kg"  # its mass before and after
     DURING_THE_TILT = "during-the-tilt", "because"
     BEFORE_THE_TILT = "before-the-tilt", "because"
