@@ -339,7 +339,7 @@ def test_polish(house, opened):
     expect(one.locator("#ended .why")).to_have_text(why)
     one.get_by_role("link", name="English").click()
     expect(one.locator("#now")).to_have_text("Pour the content of the jar into the bowl.")
-    expect(one.locator("#ended .why")).to_have_text("My left hand cannot take the bowl where it is.")
+    expect(one.locator("#ended .why")).to_have_text("My left hand cannot take the bowl where it is. Please help me.")
     one.goto(one.url.partition("?")[0])
     expect(one.locator("html")).to_have_attribute("lang", "en")
 
