@@ -8,14 +8,16 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 import zenoh
 from toy_fleet import wait_for
 
-from agent_runtime.io.sessions import client_config, free_endpoint
+from agent_runtime.io.sessions import client_config
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.languages import Language
 from fipa_codec.performatives import Performative as P
+from operate.run_folder import Fleet
 from topdown.check import check
 from topdown.model import loading
 from topdown.model.design import Design
@@ -208,17 +210,17 @@ def copy(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def running(copy: Path, tmp_path: Path) -> Iterator[tuple[Path, str]]:
-    """All six agents over a router; the file with what they say, the router's address."""
+def running(copy: Path, tmp_path: Path) -> Iterator[tuple[Path, Path]]:
+    """All six agents, linked with each other; the file with what they say, and the run's folder."""
     assert filled(copy) <= MOST_LINES
-    endpoint, out = free_endpoint(), tmp_path / "out"
+    run, out = tmp_path / "run", tmp_path / "out"
     (tmp_path / "none.toml").write_text("")
-    command = [sys.executable, "-m", "depot", "--run-dir", str(tmp_path / "run"), "--connect", endpoint]
+    command = [sys.executable, "-m", "depot", "--run-dir", str(run)]
     with out.open("wb") as file:
         process = subprocess.Popen(
             [*command, "--scene", str(tmp_path / "none.toml")], cwd=copy, stdout=file, stderr=subprocess.STDOUT
         )
-    yield out, endpoint
+    yield out, run
     process.send_signal(signal.SIGINT)
     assert process.wait(30.0) == 0
 
@@ -237,9 +239,9 @@ def test_the_new_agents_own_tests_pass(copy: Path) -> None:
         assert done.returncode == 0, done.stdout
 
 
-def test_a_new_agent_answers_after_at_most_thirty_lines(running: tuple[Path, str]) -> None:
-    """Asked as its peer would ask, over the router, the tariff says a price by the length of the way."""
-    out, endpoint = running
+def test_a_new_agent_answers_after_at_most_thirty_lines(running: tuple[Path, Path]) -> None:
+    """Asked as its peer would ask, at its endpoint, the tariff says a price by the length of the way."""
+    out, run = running
     wait_for(lambda: "all ready" in out.read_text(), "six agents are ready")
     content = Language("PRICE", dict).encode({"type": "PriceOf", "source": "receiving", "target": "press"})
     question = Communicate(
@@ -253,6 +255,7 @@ def test_a_new_agent_answers_after_at_most_thirty_lines(running: tuple[Path, str
         receiver="tariff",
         id="q1",
     )
-    with zenoh.open(client_config(endpoint)) as session:
+    fleet = msgspec.json.decode((run / "fleet.json").read_bytes(), type=Fleet)
+    with zenoh.open(client_config(fleet.agents["tariff"])) as session:
         session.put("roco/depot/C8/desk/tariff/query/query-ref", encode(question))
         wait_for(lambda: "tariff -> desk  inform  Price(euro=8.04)" in out.read_text(), "a price")
