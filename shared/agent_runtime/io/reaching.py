@@ -67,16 +67,26 @@ class Tries:
 def why_not(endpoint: str, tls: dict[str, Any] | None) -> str:
     """Return why a session is not had at an endpoint (tls/host:port) with these files; "" where all is well so far.
 
-    `endpoint`: of several, comma between, one that answers is enough. `tls`: as `secured.client_tls` returns it.
-    Blocks for some seconds at most for each, beside the resolution of a name.
+    `tls`: as `secured.client_tls` returns it. Blocks for some seconds at most, beside the resolution of a name.
     """
-    reasons = []
-    for one in endpoint.split(","):
-        reason = _why_not(one, tls)
-        if not reason:
-            return ""
-        reasons.append(reason)
-    return "; ".join(dict.fromkeys(reasons))
+    address = re.match(r"(\w+)/\[?([^\[\]]+)\]?:(\d+)", endpoint)
+    if address is None:
+        return f"{endpoint!r} is not an address, expected such as tls/router:7447"
+    protocol, host, port = address[1], address[2], int(address[3])
+    if (protocol == "tls") != (tls is not None):
+        lacks = "no keys are given (ROCO_TLS_DIR)" if tls is None else "keys are given"
+        return f"the address is {endpoint}, but {lacks}: the two do not go together"
+    try:
+        with socket.create_connection((host, port), TRY_S) as connection:
+            return _handshake(connection, host, tls) if tls else ""
+    except socket.gaierror as error:
+        return f"the name {host} is not resolved ({error.strerror}): is it right in ROCO_CONNECT, and its host up?"
+    except ConnectionRefusedError:
+        return f"nobody listens at {endpoint} (connection refused): is the router up?"
+    except TimeoutError:
+        return f"{endpoint} does not answer within {TRY_S:g} s: is its host up, is a firewall in the way?"
+    except OSError as error:
+        return f"{endpoint} is not reached: {error.strerror or error}"
 
 
 def no_loopback() -> str:
@@ -97,27 +107,6 @@ def require_loopback() -> None:
     """Raise OSError where the processes of this host cannot meet on 127.0.0.1; it says what to do."""
     if why := no_loopback():
         raise OSError(f"{why}: {LOOPBACK_REMEDY}")
-
-
-def _why_not(endpoint: str, tls: dict[str, Any] | None) -> str:
-    address = re.match(r"(\w+)/\[?([^\[\]]+)\]?:(\d+)", endpoint)
-    if address is None:
-        return f"{endpoint!r} is not an address, expected such as tls/router:7447"
-    protocol, host, port = address[1], address[2], int(address[3])
-    if (protocol == "tls") != (tls is not None):
-        lacks = "no keys are given (ROCO_TLS_DIR)" if tls is None else "keys are given"
-        return f"the address is {endpoint}, but {lacks}: the two do not go together"
-    try:
-        with socket.create_connection((host, port), TRY_S) as connection:
-            return _handshake(connection, host, tls) if tls else ""
-    except socket.gaierror as error:
-        return f"the name {host} is not resolved ({error.strerror}): is it right in ROCO_CONNECT, and its host up?"
-    except ConnectionRefusedError:
-        return f"nobody listens at {endpoint} (connection refused): is the router up?"
-    except TimeoutError:
-        return f"{endpoint} does not answer within {TRY_S:g} s: is its host up, is a firewall in the way?"
-    except OSError as error:
-        return f"{endpoint} is not reached: {error.strerror or error}"
 
 
 def _handshake(connection: socket.socket, host: str, tls: dict[str, Any]) -> str:

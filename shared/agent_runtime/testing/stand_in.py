@@ -93,10 +93,11 @@ class StandIn:
         run: Path,
         at: str | Links,
         *,
+        router: str = "",
         patience_s: float = 5.0,
         tls: dict[str, Any] | None = None,
     ) -> None:
-        """`at`: the router, or the agent's links with its neighbours.
+        """`at`: the router, or the agent's links with its neighbours; then groups are spoken to at the `router`.
 
         Raises JournalError where the agent's process has the journal, StandInError where it lives elsewhere.
         """
@@ -119,6 +120,8 @@ class StandIn:
         )
         self._wire.knows(self._record.journals)
         self._due = 0.0
+        if direct and router and wiring.groups:
+            self._wire.join(_opened(router, patience_s, tls))
         if direct:
             self._meet(time.time() + LOOK_S)
 
@@ -178,7 +181,7 @@ class StandIn:
 
     def _meet(self, until: float) -> None:
         """Wait until all neighbours are linked. A volatile message that is said before reaches nobody."""
-        missing = set(self._wiring.peers)
+        missing = set(self._wiring.peers) - self._wiring.groups
         while missing and (left := until - time.time()) > 0 and (item := self._inbox.get(left)) is not None:
             self._early.append(item)
             if isinstance(item, Token) and item.alive:

@@ -62,12 +62,13 @@ def say(system: System, run: Path, draft: Communicate, wait_s: float, tell: Tell
         first = system.design.agent(draft.sender).initial
         languages = system.languages or Languages()
         wires = wiring(draft.sender, fleet.system, design=system.design, languages=languages)
+        tls = identity.tls(run, fleet, draft.sender)
         if fleet.agents:
             here = os.environ.get(LISTEN_VARIABLE, "")  # in a container
             linked = Links(Options(keys=identity.folder(run, fleet), agents=fleet.agents, listen=here), wires)
-            life = StandIn(wires, first, run, linked)
+            life = StandIn(wires, first, run, linked, router=fleet.connect, tls=tls)
         else:
-            life = StandIn(wires, first, run, fleet.connect, tls=identity.tls(run, fleet, draft.sender))
+            life = StandIn(wires, first, run, fleet.connect, tls=tls)
     except (StandInError, JournalError) as error:
         if force:
             return _voiced(system, run, fleet, draft, wait_s, tell)
