@@ -93,7 +93,7 @@ CALLS: dict[str, Row] = {
     "logs": Row(("-n", "0"), has=("dispatcher", "ox", "received", "performative=propose")),
     "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
     "graph": Row(has=(*AGENTS, *CHANNELS)),
-    "top": Row(("--count", "1"), has=("carries the words", *AGENTS, *CHANNELS)),
+    "top": Row(("--count", "1"), has=("serves tools", *AGENTS, *CHANNELS)),
     "doctor": Row(("--target", RUN, "--format", "json"), has=("8 processes of", '"supervisor"', '"router"')),
     "traffic echo": Row(("--run", RUN, "--count", "8"), has=("desk>dispatcher", "request", "carry", "legal")),
     "trace": Row(("--run", RUN), has=("desk",)),

@@ -4,7 +4,7 @@ from operate.cli.terminal.run_state import View
 from operate.run_folder import ProcessState, ProcessStatus
 from operate.system import System
 
-AROUND = {"router": {"": "carries the words"}, "monitor": {"": "records"}}
+AROUND = {"router": {"": "serves tools"}, "monitor": {"": "records"}}
 """Of the processes that every system has."""
 COLOURS = {
     "ready": "green",
