@@ -93,9 +93,9 @@ def killed(run: Path, name: str) -> tuple[float, float, float | None]:
 
 
 def noticed_hang(run: Path, name: str, begin: signal.Signals) -> tuple[float, float | None]:
-    """Freeze a process (SIGSTOP), or hang its Python loop (SIGUSR1); return after how long that was told [s], and of a
-    frozen one its neighbours knew.
+    """Freeze a process (SIGSTOP), or hang its Python loop (SIGUSR1).
 
+    Return after how long the supervisor told it, and after how long the neighbours of a frozen one knew [s].
     The frozen one goes on; the hung one is killed and waited for until it is ready again.
     """
     before, neighbours = status(run, name), Neighbours(run, name)

@@ -51,20 +51,8 @@ class Site:
             "ROCO_SYSTEMS": ",".join(TOLD),
             "ROCO_VIEW": "off",
         }
-        self.roco(
-            "up",
-            "--out",
-            str(run),
-            "--only",
-            only,
-            "--links",
-            self._links,
-            "--speed",
-            "max",
-            "--no-wait",
-            **told,
-            **more,
-        )
+        words = ("--only", only, "--links", self._links, "--speed", "max", "--no-wait")
+        self.roco("up", "--out", str(run), *words, **told, **more)
 
     def roco(self, *words: str, **told: str) -> None:
         """`roco` with these variables; it must end well."""

@@ -13,8 +13,8 @@ is there or may come back; then the name that appeared last is believed. Pure: t
 from agent_runtime.core.events import LinkChanged, PeerChanged
 
 GRACE_S = 0.05
-"""The transport's end was told 1-9 ms after a router was killed (measured); several times that. Of agents that are
-linked with each other a vanished token is believed at once: no other process can have taken it along.
+"""The transport's end was told 1-9 ms after a router was killed (measured); several times that. Agents that
+are linked with each other believe a vanished token at once: no router can have taken it along.
 """
 RETURN_S = 3.0
 """Reconnection is tried at least every 0.5 s, a cut-off peer is dropped after the lease of 2 s; a little more."""

@@ -148,7 +148,7 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def groups(self) -> frozenset[str]:
-        """The peers that are no agents of the design: whoever speaks for one is at the router."""
+        """The peers that are groups, not agents. A process that speaks for a group is connected to the router."""
         return frozenset(link.peer for link in self.links if not link.awaited)
 
     def inbox_keys(self, peers: Collection[str]) -> tuple[str, ...]:

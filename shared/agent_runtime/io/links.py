@@ -19,7 +19,7 @@ from agent_runtime.io.sessions import open_client, open_links
 
 UNIX_SOCKET = "unixsock-stream/"
 """Endpoints of sockets of this host begin so. They do not tell who is at the other end: rules by certificate would
-refuse all, so there are none, and whoever may write the folder of the sockets may speak as any agent.
+refuse all, so there are none. A user who may write the folder of the sockets may speak as any agent.
 """
 
 

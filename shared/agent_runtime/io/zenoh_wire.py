@@ -2,8 +2,8 @@
 
 Every communicate is a put on its own key; receipts, pings and pongs are puts beside them; a liveliness token says
 which incarnation of the agent is alive. All this goes to the neighbours: directly, or by the router. What is for tools
-(the state, samples for people, the log) goes by the router, and orders come from there. Whoever speaks for a group of
-the design is always at the router.
+(the state, samples for people, the log) goes by the router, and orders come from there. A process that speaks for a
+group of the design is connected to the router.
 """
 
 from collections.abc import Collection, Mapping
@@ -199,7 +199,7 @@ class ZenohWire:
         self, peer: str, key: zenoh.KeyExpr | str, data: bytes, priority: Any, attached: bytes | None = None
     ) -> None:
         session = self._tools if peer in self._groups else self._session
-        if session is None or (self._direct and session.is_closed()):  # what is said now is said again once it is open
+        if session is None or (self._direct and session.is_closed()):  # it is said again once it is open
             return
         if attached is None:
             put(session, key, data, priority=priority, congestion_control=_BLOCK)

@@ -155,7 +155,7 @@ def main(
 
 
 def elsewhere(design: Design, own: tuple[str, ...], told: dict[str, str]) -> tuple[str, ...]:
-    """Return the agents with which those that start here, `own`, are linked, and of which no endpoint is told."""
+    """Return the neighbours of the agents that start here (`own`) whose endpoints nobody told."""
     near = {peer for name in own for peer in design.peers(name)}
     return tuple(name for name in design.agents if name in near - {*own, *told})
 
