@@ -46,7 +46,8 @@ SIZES = {"231 B": 231, "654 B": 654, "98 kB": 98_000, "852 kB": 852_000}
 class Result(msgspec.Struct, omit_defaults=True):
     """One row: p50 and p99 [us] of ours and of the bare thing, and their ratios with 95 % intervals.
 
-    `cyclictest_us`: least, mean and largest delay of a bare thread meanwhile. `spread`: quartiles of the blocks'
+    `cyclictest_us`: least, mean and largest delay of a bare thread meanwhile. `cpu_ms`: processor time of all processes
+    for each question, ours and the bare thing's, until the fleet was at rest again. `spread`: quartiles of the blocks'
     ratios, in rows until 2026-11-26.
     """
 
@@ -60,6 +61,7 @@ class Result(msgspec.Struct, omit_defaults=True):
     p99_ratio: float | None = None
     p99_interval: tuple[float, float] | None = None
     cyclictest_us: dict[str, int] | None = None
+    cpu_ms: tuple[float, float] | None = None
     spread: tuple[float, ...] = ()
     n: int = 0
     load: tuple[float, ...] = ()
@@ -185,11 +187,10 @@ def trip(quick: bool, wanted: list[str]) -> list[Result]:
             fleets[kind] = Fleet(Path(folder) / kind.name.replace(" ", "-"), kind)
             stack.callback(fleets[kind].end)
         for answer in wanted:
-            bare, *others = turns(list(fleets.values()), answer, quick)
-            rows += [
-                result(asked(answer, kind.name), times, bare, None)
-                for kind, times in zip(KINDS[1:], others, strict=True)
-            ]
+            (bare, spent), *others = turns(list(fleets.values()), answer, quick)
+            for kind, (times, ours) in zip(KINDS[1:], others, strict=True):
+                row = result(asked(answer, kind.name), times, bare, None)
+                rows.append(msgspec.structs.replace(row, cpu_ms=(ours, spent)))
     return [msgspec.structs.replace(row, load_before=before, cyclictest_us=late or None) for row in rows]
 
 
@@ -215,18 +216,22 @@ def asked(answer: str, kind: str) -> str:
     return f"question and answer of {answer}, {kind}"
 
 
-def turns(fleets: list[Fleet], answer: str, quick: bool) -> list[list[list[float]]]:
-    """Blocks of each, by turns."""
+def turns(fleets: list[Fleet], answer: str, quick: bool) -> list[tuple[list[list[float]], float]]:
+    """Blocks of each, by turns, and the processor time that a question took [ms]."""
     count, blocks = TRIPS[answer]
     for fleet in fleets:
         fleet.block(answer, 3 * count)
         fleet.rest()
+    turns = blocks // 5 if quick else blocks
     taken: list[list[list[float]]] = [[] for _ in fleets]
-    for _ in range(blocks // 5 if quick else blocks):
-        for times, fleet in zip(taken, fleets, strict=True):
-            times.append(fleet.block(answer, count))
+    spent = [0] * len(fleets)
+    for _ in range(turns):
+        for place, fleet in enumerate(fleets):
+            before = fleet.ticks()
+            taken[place].append(fleet.block(answer, count))
             fleet.rest()
-    return taken
+            spent[place] += fleet.ticks() - before
+    return [(times, round(10 * one / (turns * count), 2)) for times, one in zip(taken, spent, strict=True)]
 
 
 def stages(quick: bool) -> None:
@@ -275,9 +280,9 @@ def shown(row: Result) -> str:
     limit = "" if row.limit is None else f"at most {row.limit:g}: {'yes' if measure <= row.limit else 'NO'}"
     ours = f"{row.ours_us[0]:9.1f} {row.ours_us[1]:9.1f}"
     bare = f"{row.bare_us[0]:9.1f} {row.bare_us[1]:9.1f}" if row.bare_us else " " * 19
-    return (
-        f"{row.what:62} {ours} {bare}  {both(row.ratio, row.interval)} {both(row.p99_ratio, row.p99_interval)} {limit}"
-    )
+    cpu = "" if row.cpu_ms is None else f"cpu {row.cpu_ms[0]:.2f} {row.cpu_ms[1]:.2f} ms"
+    ratios = f"{both(row.ratio, row.interval)} {both(row.p99_ratio, row.p99_interval)}"
+    return f"{row.what:62} {ours} {bare}  {ratios} {limit}{cpu}"
 
 
 def both(ratio: float | None, interval: tuple[float, float] | None) -> str:

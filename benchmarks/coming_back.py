@@ -29,6 +29,7 @@ import typer
 
 from companion.design import DESIGN
 from operate.run_folder import Fault, Fleet, ProcessState, ProcessStatus
+from operate.supervisor.core import SETTLED_S
 
 PATIENCE_S = 90.0  # estimate: km is back after 4 s on a quiet machine
 LOOK_S = 0.002
@@ -199,9 +200,12 @@ def main(
     seen: dict[str, list[tuple[float, float, float | None]]] = {name: [] for name in names}
     load = os.getloadavg()[0]
     try:
-        for number in range(kills):  # in turn, so that nobody dies so often that the supervisor waits for longer
+        for number in range(kills):
+            round_began = time.monotonic()
             for name in names:
                 seen[name].append(killed(run, name))
+            # Else the supervisor takes the next death for one in a row, and waits for longer.
+            time.sleep(max(0.0, round_began + SETTLED_S + 1.0 - time.monotonic()) if number + 1 < kills else 0.0)
             typer.echo(f"{number + 1} of {kills}", err=True)
     finally:
         subprocess.run([ROCO, "down", "--run-dir", str(run)], check=True, stdout=sys.stderr)

@@ -1,9 +1,8 @@
 """Fleets of router, km and pl side by side, as shipped and with parts of it left out, and bare gets: asked by turns.
 
-`SHIPPED` is what `roco up --links router` starts: mutual TLS, the rights of the design, the monitor, which records,
-judges and draws, and all files on disk. `DIRECT` is what `roco up` and containers start: the same with direct links;
-`UNIX` what `roco up --links unix` starts. The others say what parts of `SHIPPED` cost. `BARE` is a get of as many bytes
-through a router of its own.
+`SHIPPED` is what `roco up` and containers start: agents linked by mutual TLS, the rights of the design, the monitor,
+which records, judges and draws, and all files on disk. `UNIX` is what `roco up --links unix` starts. The others say
+what parts of `SHIPPED` cost. `BARE` is a get of as many bytes through a router of its own.
 """
 
 import os
@@ -35,24 +34,20 @@ class NotThereError(Exception):
 
 
 class Kind(msgspec.Struct, frozen=True):
-    """Kind of fleet. `bare`: two sessions instead of agents; `direct`: the agents are linked with each other; `unix`:
-    they are so by sockets of this host.
-    """
+    """Kind of fleet. `bare`: two sessions instead of agents; `unix`: agents are linked by sockets of this host."""
 
     name: str
     secured: bool = False
     monitored: bool = False
     bare: bool = False
-    direct: bool = False
     unix: bool = False
 
 
 BARE = Kind("bare get", bare=True)
 SHIPPED = Kind("as shipped", secured=True, monitored=True)
-DIRECT = Kind("direct links", secured=True, monitored=True, direct=True)
 PARTS = (Kind("plain, no monitor"), Kind("TLS and rights, no monitor", secured=True), Kind("plain", monitored=True))
-UNIX = Kind("unix sockets", secured=True, monitored=True, direct=True, unix=True)
-KINDS = (BARE, *PARTS, SHIPPED, DIRECT, UNIX)
+UNIX = Kind("unix sockets", secured=True, monitored=True, unix=True)
+KINDS = (BARE, *PARTS, SHIPPED, UNIX)
 
 
 class Fleet:
@@ -63,17 +58,11 @@ class Fleet:
     ) -> None:
         """`script`: what serves as the agents. `systems`: who has keys."""
         run.mkdir(parents=True)
-        self._run, self._script = run, script
-        self._address = free_endpoint().replace("tcp/", "tls/" if kind.secured else "tcp/")
+        self._run, self._script, self._kind = run, script, kind
+        self._address = self._endpoint()
         if kind.secured:
-            issuing.issue(run / "keys", DESIGN, systems, direct=kind.direct)
-        told = {"CONNECT": self._address, "RUN_DIR": str(run), "SYSTEM": SYSTEM}
-        if kind.direct:
-            agents = (
-                (name, f"{UNIX_SOCKET}{run}/{name}.sock" if kind.unix else free_endpoint().replace("tcp/", "tls/"))
-                for name in DESIGN.agents
-            )
-            told["AGENTS"] = ",".join(f"{name}={endpoint}" for name, endpoint in agents)
+            issuing.issue(run / "keys", DESIGN, systems)
+        told = {"CONNECT": self._address, "RUN_DIR": str(run), "SYSTEM": SYSTEM, "AGENTS": self._agents()}
         told |= {"TLS_DIR": str(run / "keys") if kind.secured else "", "LOG_LEVEL": "warning"}
         self._environment = os.environ | {f"ROCO_{name}": value for name, value in told.items()}
         self._started: list[subprocess.Popen[bytes]] = []
@@ -82,6 +71,15 @@ class Fleet:
         except BaseException:
             self.end()
             raise
+
+    def _endpoint(self) -> str:
+        return free_endpoint().replace("tcp/", "tls/" if self._kind.secured else "tcp/")
+
+    def _agents(self) -> str:
+        """Return where pl and km are reached, each time other places."""
+        sockets = f"{UNIX_SOCKET}{self._run}/"
+        at = {name: f"{sockets}{name}.sock" if self._kind.unix else self._endpoint() for name in DESIGN.agents}
+        return ",".join(f"{name}={endpoint}" for name, endpoint in at.items())
 
     def _begin(self, kind: Kind) -> None:
         self._serve("services.router", "router.ready")
@@ -134,10 +132,11 @@ class Fleet:
     def rest(self) -> None:
         """Wait until it has done its work: a monitor is behind after a block, and others would pay for it."""
         until, used = time.monotonic() + REST_S, -1
-        while used < (used := self._ticks()) - IDLE_TICKS and time.monotonic() < until:
+        while used < (used := self.ticks()) - IDLE_TICKS and time.monotonic() < until:
             time.sleep(LOOK_S)
 
-    def _ticks(self) -> int:
+    def ticks(self) -> int:
+        """Return the processor time that its processes have used [10 ms]."""
         return sum(ticks(pid) for process in self._started for pid in tree(process.pid))
 
     def end(self) -> None:

@@ -1,7 +1,8 @@
 """A stolen key that floods: the memory and disk of whom it hits, and how long the other peers wait meanwhile.
 
-A router with keys and rights, co, and the monitor, as `roco up` has them. A thief with hi's key puts as many messages a
-second as asked on keys that hi has a right to; a session with ta's key asks co for a pong again and again.
+A router with keys and rights, co, and the monitor, as `roco up` has them. A thief with hi's key dials co and puts as
+many messages a second as asked on keys that hi has a right to; a session with ta's key asks co for a pong again and
+again.
 
     python benchmarks/floods.py --kinds gap,ping --rate 10000 --seconds 10
 """
@@ -145,7 +146,9 @@ def measured(kind: str, rate: float, seconds: float) -> dict[str, Any]:
         run, keys = Path(folder), Path(folder) / "keys"
         issuing.issue(keys, DESIGN, (SYSTEM,))
         address = free_endpoint().replace("tcp/", "tls/")
-        told = {"LISTEN": address, "CONNECT": address, "RUN_DIR": folder, "SYSTEM": SYSTEM, "TLS_DIR": str(keys)}
+        agents = {name: free_endpoint().replace("tcp/", "tls/") for name in DESIGN.agents}
+        told = {"CONNECT": address, "RUN_DIR": folder, "SYSTEM": SYSTEM, "TLS_DIR": str(keys), "LISTEN": ""}
+        told["AGENTS"] = ",".join(f"{name}={endpoint}" for name, endpoint in agents.items())
         environment = os.environ | {f"ROCO_{name}": value for name, value in told.items()}
         processes = {}
         try:
@@ -155,7 +158,7 @@ def measured(kind: str, rate: float, seconds: float) -> dict[str, Any]:
                     processes[name] = subprocess.Popen(command, env=environment, stdout=log, stderr=log)
                 _wait(lambda name=name: (run / f"{name}.ready").exists() or (run / f"{name}.heartbeat.json").exists())
             _wait(lambda: b'"up":true' in (run / "co.heartbeat.json").read_bytes())
-            return _flooded(run, keys, address, {n: p.pid for n, p in processes.items()}, kind, rate, seconds)
+            return _flooded(run, keys, agents["co"], {n: p.pid for n, p in processes.items()}, kind, rate, seconds)
         finally:
             for process in processes.values():
                 process.kill()
@@ -184,7 +187,7 @@ def _flooded(
         "log_lines": lines(run) - said,
         "disk_mb": round(sum(grown.values()) / 1e6, 1),
         "files_mb": {name: round(size / 1e6, 1) for name, size in grown.items() if size > 1e6},
-        "routers_lost": log.count('"router away"'),
+        "neighbours_lost": log.count('"incarnation":"gone"'),
         "pongs": len(asker.waits),
         "lost": asker.lost,
         "p50_ms": round(1000 * statistics.median(waits), 1),

@@ -43,6 +43,7 @@ class Robots(Fleet):
             folder.mkdir()
             keys = self._run / "keys" / (name if len(self._names) > 1 else "")
             self._environment |= {"ROCO_SYSTEM": name, "ROCO_RUN_DIR": str(folder), "ROCO_TLS_DIR": str(keys)}
+            self._environment["ROCO_AGENTS"] = self._agents()
             read, write = os.pipe()
             self._role("km", write, folder)
             asker = self._role("pl", write, folder, stdin=subprocess.PIPE)

@@ -1,9 +1,9 @@
 """A hundred thousand communicates between two processes, with 100 cuts and 100 kill -9: none lost, doubled, misordered.
 
-Router with TLS and rights as `roco up` starts it, a wire for each agent (operate.wires), and the agents of
-soak_agents.py. The first half has the cuts, every fourth longer than Zenoh's lease; the second half the kills: ta and
-ex by turns, each fifth time the router. One row of results/soak.jsonl for each 1000 communicates. It may be ended at
-any time: it goes on from the journals in the run folder. `--table` writes docs/reliability.md.
+Router with TLS and rights as `roco up` starts it, a wire each way between the agents (operate.wires), and the agents of
+soak_agents.py, which are linked. The first half has the cuts, every fourth longer than Zenoh's lease; the second half
+the kills: ta and ex by turns, each fifth time the router. One row of results/soak.jsonl for each 1000 communicates. It
+may be ended at any time: it goes on from the journals in the run folder. `--table` writes docs/reliability.md.
 
     nice python benchmarks/soak.py
 """
@@ -26,6 +26,7 @@ from agent_runtime.io import issuing
 from agent_runtime.io.journal_format import last_record
 from agent_runtime.io.sessions import free_endpoint
 from companion.design import DESIGN
+from operate.supervisor.securing import free_port
 from operate.wires import files
 from operate.wires.files import Wires
 
@@ -46,29 +47,31 @@ class Processes:
     def __init__(self, run: Path, exchanges: int) -> None:
         self.run, self._exchanges = run, exchanges
         self._running: dict[str, subprocess.Popen[bytes]] = {}
-        router, self._ports = free_endpoint(), {name: free_endpoint().rpartition(":")[2] for name in ("ta", "ex")}
-        self._address = router.replace("tcp/", "tls/")
+        self._address, self._agents = free_endpoint().replace("tcp/", "tls/"), dict[str, str]()
         issuing.issue(run / "keys", DESIGN, (SYSTEM,), keep_days=1.0)
-        ports = {name: int(port) for name, port in self._ports.items()}
-        ends = {"router": ("127.0.0.1", int(router.rpartition(":")[2]))}
-        files.tell(run, Wires(ends, {name: {"router": port} for name, port in ports.items()}))
+        listen, dialled = ({name: free_port() for name in ("ta", "ex")} for _ in range(2))
+        ports = {name: {other: dialled[name]} for name, other in (("ta", "ex"), ("ex", "ta"))}
+        files.tell(run, Wires({name: ("127.0.0.1", port) for name, port in listen.items()}, ports))
+        for name, others in ports.items():
+            at = {name: listen[name], **others}
+            self._agents[name] = ",".join(f"{one}=tls/127.0.0.1:{port}" for one, port in at.items())
         for name in ("router", "wires", "ta", "ex"):
             self.start(name)
 
     def start(self, name: str) -> None:
         """Start a process and wait until it says that it is ready."""
         told = {"LISTEN": self._address, "RUN_DIR": str(self.run), "SYSTEM": SYSTEM, "LOG_LEVEL": "warning"}
-        told |= {"TLS_DIR": str(self.run / "keys")}
+        told |= {"TLS_DIR": str(self.run / "keys"), "AGENTS": self._agents.get(name, "")}
+        told["LISTEN"] = "" if name in self._agents else self._address
         module = {"router": "services.router", "wires": "operate.wires"}.get(name)
-        address = f"tls/127.0.0.1:{self._ports.get(name)}"
-        agent = [name, address, str(self.run), str(self._exchanges)]
+        agent = [name, self._address, str(self.run), str(self._exchanges)]
         environment = os.environ | {f"ROCO_{key}": value for key, value in told.items()}
         (self.run / f"{name}.ready").unlink(missing_ok=True)
         with (self.run / "soak.log").open("ab") as log:
             script = [sys.executable, str(HERE / "soak_agents.py"), *agent]
             words = [sys.executable, "-P", "-m", module] if module else script
             self._running[name] = subprocess.Popen(words, env=environment, stdout=log, stderr=log)
-        if name not in self._ports:  # an agent is ready once its peer answers
+        if name not in self._agents:  # an agent is ready once its peer answers
             self.wait(lambda: (self.run / f"{name}.ready").exists(), f"{name} is ready")
 
     def kill(self, name: str) -> None:
@@ -78,7 +81,7 @@ class Processes:
         self.start(name)
 
     def cut(self, name: str, seconds: float) -> None:
-        """Let nothing through between an agent and the router for some time."""
+        """Let nothing through between the agents for some time."""
         files.put(self.run, name, "cut", 1.0)
         time.sleep(seconds)
         files.put(self.run, name, "cut", None)

@@ -6,6 +6,7 @@ ta requests, ex agrees and answers, as on channel C5 of the design: durable stre
 of the design. Each keeps in its journalled memory which number it took last, and what was lost, doubled or misordered.
 """
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,8 @@ from agent_runtime.core.events import Received, Started
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
 from agent_runtime.io import shell
-from agent_runtime.io.options import Options
+from agent_runtime.io.cli import endpoints
+from agent_runtime.io.options import AGENTS_VARIABLE, Options
 from fipa_codec.languages import Language, Languages
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
@@ -145,7 +147,10 @@ class Told:
 
 def main(name: str, address: str, run: Path, exchanges: int) -> int:
     """Serve as one of the two until told to stop."""
-    options = Options(connect=address, run_dir=run, system=SYSTEM, log_level="warning", keys=run / "keys")
+    agents = endpoints(os.environ[AGENTS_VARIABLE])
+    options = Options(
+        connect=address, run_dir=run, system=SYSTEM, log_level="warning", keys=run / "keys", agents=agents
+    )
     if name == "ex":
         return shell.run(answerer(), wiring("ex", "ta", Role.PARTICIPANT), options)
     progress = run / "ta.progress"

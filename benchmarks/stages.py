@@ -18,11 +18,11 @@ PATH = {
     "pl take": "",
     "pl put": "pl: step, encode",
     "pl sent": "pl: put",
-    "km heard": "to km through the router, until its callback runs",
+    "km heard": "to km, until its callback runs",
     "km take": "km: from the callback's thread to the loop",
     "km put": "km: decode, step, encode",
     "km sent": "km: put",
-    "pl heard": "to pl through the router, until its callback runs",
+    "pl heard": "to pl, until its callback runs",
     "pl take again": "pl: from the callback's thread to the loop",
     "pl told": "pl: decode, step, until its own side is told",
 }

@@ -26,6 +26,7 @@ from fleets import tree
 from round_trip import SYSTEM
 
 from agent_runtime.io.sessions import free_endpoint
+from companion.design import DESIGN
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results" / "viewer.jsonl"
@@ -64,6 +65,7 @@ class Bench:
     def __init__(self, run: Path, stack: ExitStack) -> None:
         self.run, self._stack, self.endpoint = run, stack, free_endpoint()
         words = {"ROCO_CONNECT": self.endpoint, "ROCO_LISTEN": self.endpoint, "ROCO_SYSTEM": SYSTEM}
+        words["ROCO_AGENTS"] = ",".join(f"{name}={free_endpoint()}" for name in DESIGN.agents)
         words |= {"ROCO_RUN_DIR": str(run), "ROCO_VIEW": "on", "ROCO_LOG_LEVEL": "warning"}
         self._environment = os.environ | words
         self.spawn([sys.executable, "-P", "-m", "services.router"])

@@ -5,6 +5,7 @@
 pl writes each round trip to <run folder>/trips: unix time of the answer [s], how long it took [us].
 """
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -14,8 +15,9 @@ import zenoh
 from round_trip import SYSTEM, Begin, Came, Go, Store, km, pl
 
 from agent_runtime.io import shell
+from agent_runtime.io.cli import endpoints
 from agent_runtime.io.devices import Post
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import AGENTS_VARIABLE, Options
 from agent_runtime.io.sessions import client_config
 from companion.binding import wiring
 from scripts.replaying import samples
@@ -63,7 +65,8 @@ def robot(endpoint: str) -> None:
 
 def role(name: str, endpoint: str, run: Path) -> int:
     """Serve as one of the processes until told to stop."""
-    options = Options(connect=endpoint, run_dir=run, system=SYSTEM, log_level="warning")
+    agents = endpoints(os.environ[AGENTS_VARIABLE])
+    options = Options(connect=endpoint, run_dir=run, system=SYSTEM, log_level="warning", agents=agents)
     if name == "robot":
         robot(endpoint)
     if name == "km":

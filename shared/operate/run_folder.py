@@ -271,7 +271,7 @@ class Fleet(msgspec.Struct, frozen=True):
     """fleet.json, rewritten whole by the supervisor whenever something changes.
 
     `entry`, `project`: the system (operate.system): `module:NAME`, and the folder it is imported from. `agents`: where
-    each agent is reached, if they are linked with each other.
+    each agent is reached.
     """
 
     system: str

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import zenoh
-from secured_fleet import SYSTEM, serve, session
+from secured_fleet import SYSTEM, listens, serve, session
 from toy_fleet import Fleet, wait_for
 
 from agent_runtime.io.shell import HEARTBEAT_S
@@ -18,7 +18,7 @@ REQUEST = f"roco/{SYSTEM}/C2/hi/co/request/request"
 PATIENCE_S = 20.0
 """For an answer amid a flood, which takes some ms (benchmarks/floods.py), on a machine that is busy with much else.
 
-A router drops what found no room in time, so the question is asked again as agents do.
+What found no room in time is dropped, so the question is asked again as agents do.
 """
 
 
@@ -37,10 +37,9 @@ def request(number: int, sender: str = "hi", conversation: str = "") -> bytes:
 
 
 def co(router: Fleet) -> None:
-    """Start co, and wait until it is at the router."""
+    """Start co, and wait until it listens and is at the router."""
     serve(router, "co", "services.coordinator")
-    beat = router.run / "co.heartbeat.json"
-    wait_for(lambda: beat.exists() and router.beat("co").up, f"co is there\n{router.logs()}")
+    wait_for(lambda: listens(router, "co"), f"co is there\n{router.logs()}")
 
 
 def log(router: Fleet) -> list[dict[str, object]]:
@@ -58,7 +57,7 @@ class Peer:
     """ta, of which only this is there: it asks co whether it is there, and waits for the answer."""
 
     def __init__(self, fleet: Fleet) -> None:
-        self._session = session(fleet, "ta")
+        self._session = session(fleet, "ta", "co")
         self._answered = threading.Event()
         key = f"roco/{SYSTEM}/_/pong/co/ta"
         self._declared = self._session.declare_subscriber(key, lambda sample: self._answered.set())

@@ -18,7 +18,7 @@ from agent_runtime.io.sessions import MORE_SESSIONS, client_config, router_confi
 from fipa_codec.communicate import MAX_BYTES
 
 pytestmark = pytest.mark.zenoh
-MINE = f"roco/{SYSTEM}/C1/ta/co/coordinate/inform"
+MINE = f"roco/{SYSTEM}/_/state/ta"
 DENIED = f"roco/{SYSTEM}/C1/co/ta/coordinate/request"
 """A key that hi, the thief's identity here, may not put."""
 LARGE, TIMES = 20_000_000, 5
@@ -43,14 +43,14 @@ def peak_mb(pid: int) -> float:
 
 
 class Pair:
-    """ta says numbers to co; `heard` has those that came."""
+    """ta tells the console numbers; `heard` has those that came."""
 
     def __init__(self, fleet: Fleet) -> None:
         self.heard, self.said = list[int](), 0
-        self._speaker, self._listener = session(fleet, "ta"), session(fleet, "co")
+        self._speaker, self._listener = session(fleet, "ta"), session(fleet, "console")
         self._declared = self._listener.declare_subscriber(MINE, lambda one: self.heard.append(int(bytes(one.payload))))
-        wait_for(self._through, "co hears ta")
-        wait_for(lambda: self.heard[-1] == self.said - 1, "co has heard all")
+        wait_for(self._through, "the console hears ta")
+        wait_for(lambda: self.heard[-1] == self.said - 1, "the console has heard all")
         self.heard.clear()
         self.said = 0
 
@@ -72,7 +72,7 @@ class Pair:
 
 @pytest.fixture
 def pair(router: Fleet) -> Iterator[Pair]:
-    """Two agents that talk."""
+    """An agent and who listens to it."""
     made = Pair(router)
     yield made
     made.close()

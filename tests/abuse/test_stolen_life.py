@@ -15,7 +15,7 @@ class Life:
     """hi, of which only the token of its first life is there, and its stream to co."""
 
     def __init__(self, fleet: Fleet, identity: str = "hi") -> None:
-        self.session = session(fleet, identity)
+        self.session = session(fleet, identity, "co")
         self.receipts = list[zenoh.Sample]()
         self._heard = self.session.declare_subscriber(f"roco/{SYSTEM}/_/receipt/co/hi", self.receipts.append)
         self._tokens = dict[int, zenoh.LivelinessToken]()
@@ -60,7 +60,7 @@ def test_a_higher_life_that_falls_silent_does_not_make_a_peer_gone_for_good(rout
 
 
 def test_no_other_key_declares_a_life_or_takes_a_number(router: Fleet, hi: Life) -> None:
-    """The router lets only the name hi do so: ta's token and ta's word under hi's next number never reach co."""
+    """co's rules let only the name hi do so: ta's token and ta's word under hi's next number never reach co."""
     thief = Life(router, "ta")
     thief.lives(999)
     thief.says(1)

@@ -36,7 +36,7 @@ class Thief:
     """A session with hi's key; it says requests in hi's name, as hi's journal says them, or as another one."""
 
     def __init__(self, fleet: Fleet, journal: str = "") -> None:
-        self._fleet, self._session, self._journal = fleet, session(fleet, "hi"), journal
+        self._fleet, self._session, self._journal = fleet, session(fleet, "hi", "co"), journal
         self._names = f"{journal or record(fleet, 'hi').journal}/{record(fleet, 'co').journal}".encode()
         self._heard: list[object] = []
 

@@ -47,6 +47,8 @@ class World:
     def knows(self, journals: Any) -> None:
         """Names of journals are none of it."""
 
+    at_router = False
+
     def publish(self, kind: str, data: bytes) -> None:
         """Heartbeats are none of it."""
 
@@ -68,7 +70,9 @@ def left(run: Path) -> list[Any]:
 def life(run: Path, die_at: int) -> None:
     """One life in this process: requests without a receipt come; it dies before the nth line, 0: not at all."""
     world = World(run / "world")
-    one: Any = shell.Shell(server(), wirings()[1], Options(run_dir=run, system="toy", log_level="error"))
+    nowhere = dict.fromkeys(("server", "asker"), "tcp/127.0.0.1:1")
+    options = Options(run_dir=run, system="toy", log_level="error", agents=nowhere)
+    one: Any = shell.Shell(server(), wirings()[1], options)
     one._wire = one._device = world
     receipted = max((entry[1] for entry in left(run) if entry[0] == "receipt"), default=0)
     if die_at:

@@ -5,7 +5,6 @@ import shutil
 import ssl
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from cryptography import x509
@@ -30,9 +29,8 @@ def test_apart_each_folder_has_its_own_and_no_more(tmp_path: Path) -> None:
     assert {one.name for one in tmp_path.iterdir()} == set(identities(DESIGN))
     for name in identities(DESIGN):
         there = {one.name for one in (tmp_path / name).iterdir()}
-        assert there == {"authority.pem", f"{name}.pem", f"{name}.key"} | (
-            {"rights.json"} if name == "router" else set()
-        )
+        more = {"rights.json"} if name == "router" else {f"{name}.links.json"} if name in DESIGN.agents else set()
+        assert there == {"authority.pem", f"{name}.pem", f"{name}.key"} | more
         assert (tmp_path / name).stat().st_mode & 0o777 == 0o700
         assert {one.stat().st_mode & 0o777 for one in (tmp_path / name).iterdir()} == {0o600}
 
@@ -60,32 +58,24 @@ def test_what_holds_is_kept(tmp_path: Path) -> None:
     assert (tmp_path / "co/co.key").read_bytes() != before
 
 
-def test_linked_agents_keep_their_rules(tmp_path: Path) -> None:
-    """Keys that hold are kept. Keys for another kind of links are new, and no old rules are left."""
-    made = [issue(tmp_path, DESIGN, ("roco",), direct=direct, keep_days=1.0) for direct in (True, True, False, True)]
-    assert [one.made_now for one in made] == [True, False, True, True]
-    issue(tmp_path, DESIGN, ("roco",))
-    assert not list(tmp_path.glob("*.links.json"))
-
-
 @pytest.mark.parametrize("how", ["wider", "gone"])
-def test_linked_agents_whose_rules_are_not_the_designs_get_new_keys(tmp_path: Path, how: str) -> None:
+def test_agents_whose_rules_are_not_the_designs_get_new_keys(tmp_path: Path, how: str) -> None:
     """As with the router's."""
-    issue(tmp_path, DESIGN, ("roco",), direct=True)
+    issue(tmp_path, DESIGN, ("roco",))
     file = tmp_path / "co.links.json"
     if how == "gone":
         file.unlink()
     else:
         file.write_bytes(file.read_bytes().replace(b'"deny"', b'"allow"'))
-    assert issue(tmp_path, DESIGN, ("roco",), direct=True, keep_days=1.0).made_now
+    assert issue(tmp_path, DESIGN, ("roco",), keep_days=1.0).made_now
 
 
 def test_a_key_is_revoked_at_each_agent_that_has_a_folder_of_its_own(tmp_path: Path) -> None:
     """New keys end it everywhere."""
-    issue(tmp_path, DESIGN, ("roco",), apart=True, direct=True)
+    issue(tmp_path, DESIGN, ("roco",), apart=True)
     revoke(tmp_path, "pl")
     assert {name for name in identities(DESIGN) if revoked(tmp_path / name)} == {"router", *DESIGN.agents}
-    issue(tmp_path, DESIGN, ("roco",), apart=True, direct=True)
+    issue(tmp_path, DESIGN, ("roco",), apart=True)
     assert not [name for name in identities(DESIGN) if revoked(tmp_path / name)]
 
 
@@ -144,21 +134,14 @@ def shake_hands(listens: Seat, connects: Seat) -> None:
             open_sides.append(side)
 
 
-WAYS: dict[str, dict[str, Any]] = {
-    "one system": {"systems": ("roco",)},
-    "two systems": {"systems": ("velma1", "velma2")},
-    "linked agents": {"systems": ("roco",), "direct": True},
-}
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_both_sides_take_each_certificate_strictly(tmp_path: Path, way: str) -> None:
-    """The router with each client of it, on any Python version; an agent with each neighbour, where they are linked."""
-    issue(tmp_path, DESIGN, **WAYS[way])
-    every = seats(tmp_path, DESIGN, WAYS[way]["systems"])
+@pytest.mark.parametrize("systems", [("roco",), ("velma1", "velma2")], ids=len)
+def test_both_sides_take_each_certificate_strictly(tmp_path: Path, systems: tuple[str, ...]) -> None:
+    """The router with each client of it, and an agent with each other one, on any Python version."""
+    issue(tmp_path, DESIGN, systems)
+    every = seats(tmp_path, DESIGN, systems)
     (router,) = [seat for seat in every if seat.identity == ROUTER]
     agents = [seat for seat in every if seat.identity in DESIGN.agents]
-    for listener in (router, *(agents if "direct" in WAYS[way] else ())):
+    for listener in (router, *agents):
         for other in agents if listener in agents else every:
             if other not in (listener, router):
                 shake_hands(listener, other)

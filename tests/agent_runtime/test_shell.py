@@ -49,6 +49,8 @@ class Order:
         """The device's."""
         self.done.append("tell")
 
+    at_router = False
+
     def publish(self, kind: str, data: bytes) -> None:
         """Heartbeats are none of it."""
 
@@ -59,12 +61,17 @@ class Order:
         """Nothing to close."""
 
 
+def options(run: Path, wires: Wiring) -> Options:
+    """Nobody listens at these endpoints."""
+    return Options(run_dir=run, system="toy", agents=dict.fromkeys((wires.agent, *wires.peers), "tcp/127.0.0.1:1"))
+
+
 class Stepped:
-    """A shell without a router: events are given to it by hand."""
+    """A shell without a session: events are given to it by hand."""
 
     def __init__(self, agent: Any, run: Path) -> None:
         self.order = Order()
-        self.shell: Any = shell.Shell(agent, wiring(agent.name), Options(run_dir=run, system="toy"))
+        self.shell: Any = shell.Shell(agent, wiring(agent.name), options(run, wiring(agent.name)))
         self.shell._journal.close()
         self.shell._journal = self.shell._wire = self.shell._device = self.order
         assert isinstance(self.shell._peers, Peers)
@@ -255,6 +262,7 @@ def test_much_that_may_wait_goes_behind_the_rest(
 ) -> None:
     """A large answer delays nobody; a stream keeps one priority, so that nothing in it overtakes."""
     session = MagicMock()
+    session.is_closed.return_value = False
     session.declare_keyexpr.side_effect = lambda key: key
     link = Link("b", "C1", "query", Role.INITIATOR, delivery)
     wire = ZenohWire(session, Wiring("toy", "a", (link,), Languages()), 1, Inbox())

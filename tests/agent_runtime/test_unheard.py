@@ -26,7 +26,7 @@ def watch() -> Watch:
 def peers() -> Peers:
     """The server lives."""
     one = Peers(("server",))
-    one.router(True, 0.0)
+    one.links(True, 0.0)
     one.token("server", 1, True, 0.0)
     return one
 
@@ -65,7 +65,7 @@ def test_nobody_is_suspected_who_is_not_there(watch: Watch, peers: Peers, change
         peers.token("server", 1, False, 11.0)
         peers.gone(12.0)
     elif change == "no router":
-        peers.router(False, 11.0)
+        peers.links(False, 11.0)
     else:
         peers.token("server", 2, True, 11.0)
     assert watch.look(saying(1), NOBODY, peers, 10.0 + SAID) == []
@@ -96,7 +96,8 @@ def test_the_words_name_both_and_the_channel() -> None:
     """And what it may be."""
     text = words("asker", Unheard("server", "T1", "said", 10.0), 22.0)
     assert text == (
-        "what asker says to server on T1 is not received since 12 s: perhaps the router denies it, or server hangs"
+        "what asker says to server on T1 is not received since 12 s:"
+        " perhaps the rules of server deny it, or server hangs"
     )
 
 

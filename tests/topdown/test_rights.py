@@ -10,11 +10,12 @@ from msgspec.structs import replace
 from companion.design import DESIGN
 from topdown.check import check
 from topdown.model.design import Design, load
-from topdown.model.rights import ROUTER, Action, access_control, families, identities, rights
+from topdown.model.rights import ROUTER, Action, access_control, families, identities, rights, routed
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALLEST = load(ROOT / "shared/topdown/scaffold/smallest.toml")
-DESIGNS = {"companion": DESIGN, "smallest": SMALLEST}
+GROUPED = load(ROOT / "tests/topdown/grouped.toml")
+DESIGNS = {"companion": DESIGN, "smallest": SMALLEST, "grouped": GROUPED}
 
 
 @pytest.fixture(params=DESIGNS)
@@ -32,12 +33,16 @@ def includes(wide: str, narrow: str) -> bool:
 
 
 def test_every_rule_has_one_speaker_and_its_hearers(design: Design) -> None:
-    """Of each message of the design its sender may put it; its receiver and the recorders may hear it; nobody else."""
+    """Of each message of the design its sender may put it and its receiver hear it, nobody else; of what goes by the
+    router also the recorders.
+    """
     found = rights(design, "s")
     for rule in design.rules.values():
         key = design.key_of("s", rule)
         who = {(one.identity, one.action) for one in found if one.key == key}
-        hearers = {rule.receiver, *design.file.system.recorders}
+        hearers = {rule.receiver}
+        if not {rule.sender, rule.receiver} <= set(design.agents):
+            hearers |= set(design.file.system.recorders)
         assert who == {(rule.sender, Action.PUT)} | {(name, Action.SUBSCRIBE) for name in hearers}
 
 
@@ -91,16 +96,22 @@ def test_the_router_lets_in_and_out_exactly_the_rights(design: Design) -> None:
         else:
             assert flow == "ingress"
             assert all("/s/" in key or key.startswith("s/") for key in rule["key_exprs"])
-    assert carried == {(one.identity, one.action, one.key) for one in rights(design, "s")}
+    mine = {one.key for one in families(design, "s") if routed(design, one)}
+    assert carried == {(one.identity, one.action, one.key) for one in rights(design, "s") if one.key in mine}
+    assert carried
     assert (config["enabled"], config["default_permission"]) == (True, "deny")
 
 
 def test_whatever_may_be_heard_may_be_listened_to(design: Design) -> None:
-    """Each key that an identity has a right to hear lies in what it may declare; an agent's ears are its own alone."""
+    """Each key that an identity has a right to hear at the router lies in what it may declare there.
+
+    An agent's ears are its own alone.
+    """
     config = access_control(design, "s")
+    mine = {one.key for one in families(design, "s") if routed(design, one)}
     for one in rights(design, "s"):
         word = {"subscribe": "listens", "watch": "looks"}.get(one.action)
-        if word is not None:
+        if word is not None and one.key in mine:
             (rule,) = (rule for rule in config["rules"] if rule["id"] == f"{one.identity} {word}")
             assert any(includes(key, one.key) for key in rule["key_exprs"]), one
     for agent in design.agents:

@@ -1,6 +1,7 @@
-"""A router with keys and rights in this process, and sessions of every identity; what the design allows, cell by cell.
+"""A router, or an agent's links, with keys and rights in this process, and sessions of every identity; what the design
+allows there, cell by cell.
 
-The rights of the router do not hold for a session of its own process: so that session tries each side of a cell alone.
+The rights of a guard do not hold for a session of its own process: so that session tries each side of a cell alone.
 It hears all that is let in (put, token), answers every question that is let in (query), asks whatever is declared
 (queryable) and says all that may be heard (subscribe, watch).
 """
@@ -11,13 +12,13 @@ from typing import Any
 import zenoh
 
 from agent_runtime.io import issuing
-from agent_runtime.io.secured import client_tls, router_tls
-from agent_runtime.io.sessions import client_config, free_endpoint, open_router
+from agent_runtime.io.secured import client_tls, links_tls, router_tls
+from agent_runtime.io.sessions import client_config, free_endpoint, open_links, open_router
 from companion.design import DESIGN
 from fipa_codec.performatives import Performative
 from topdown.model.design import Design
 from topdown.model.elements import Signal
-from topdown.model.rights import access_control, identities
+from topdown.model.rights import access_control, identities, links_control
 
 SYSTEM = "guarded"
 FENCE = "fence"
@@ -26,27 +27,32 @@ _ALL = ("put", "declare_subscriber", "query", "reply", "declare_queryable", "liv
         "declare_liveliness_subscriber")  # fmt: skip
 
 
-def guarded_rights(design: Design = DESIGN) -> dict[str, Any]:
-    """The design's rules, and the fence."""
-    rules = access_control(design, SYSTEM)
+def guarded_rights(agent: str = "") -> dict[str, Any]:
+    """The rules of an agent, or of the router, and the fence."""
+    names = {name: name for name in identities(DESIGN)}
+    rules = links_control(DESIGN, SYSTEM, agent, names) if agent else access_control(DESIGN, SYSTEM)
+    subjects = [{"id": name, "cert_common_names": [name]} for name in names]
     fence = {"id": FENCE, "permission": "allow", "flows": ["ingress", "egress"], "messages": list(_ALL),
              "key_exprs": [f"{FENCE}/**"]}  # fmt: skip
-    everybody = [subject["id"] for subject in rules["subjects"]]
-    policies = [*rules["policies"], {"subjects": everybody, "rules": [FENCE]}]
-    return rules | {"rules": [*rules["rules"], fence], "policies": policies}
+    policies = [*rules["policies"], {"subjects": list(names), "rules": [FENCE]}]
+    return rules | {"rules": [*rules["rules"], fence], "subjects": subjects, "policies": policies}
 
 
 class Guarded:
-    """The router and whoever connects; `close` ends all of it."""
+    """The guard, which is the router or an agent's links, and whoever connects; `close` ends all of it."""
 
-    def __init__(self, folder: Path, access: dict[str, Any] | None = None) -> None:
+    def __init__(self, folder: Path, agent: str = "", access: dict[str, Any] | None = None) -> None:
         self.folder, self.endpoint = folder, free_endpoint().replace("tcp/", "tls/")
         issuing.issue(folder, DESIGN, (SYSTEM,))
-        self.router = open_router(self.endpoint, router_tls(folder), access or guarded_rights())
-        self._sessions = [self.router]
+        rules = access or guarded_rights(agent)
+        if agent:
+            self.guard = open_links(self.endpoint, (), links_tls(folder, agent), rules)
+        else:
+            self.guard = open_router(self.endpoint, router_tls(folder), rules)
+        self._sessions = [self.guard]
 
     def session(self, identity: str, tls: dict[str, Any] | None = None) -> zenoh.Session:
-        """A session of this identity. Raises zenoh.ZError where the router refuses it."""
+        """A session of this identity. Raises zenoh.ZError where the guard refuses it."""
         opened = zenoh.open(client_config(self.endpoint, tls or client_tls(self.folder, identity)))
         self._sessions.insert(0, opened)
         return opened
@@ -74,17 +80,32 @@ def keys_of(design: Design) -> tuple[str, ...]:
     return (*said, *served)
 
 
-def allowed(design: Design, identity: str, action: str, key: str) -> bool:
-    """Return whether the design allows a cell, told from the chunks of the key alone."""
+def allowed_at(agent: str, design: Design, identity: str, action: str, key: str) -> bool:
+    """Return whether the design allows a cell at an agent, told from the chunks of the key alone."""
     _, _, what, *rest = key.split("/")
+    if identity not in design.peers(agent):
+        return False
+    if what == "_" and rest[0] == "alive":
+        return rest[1] == {"token": identity, "watch": agent}.get(action)
     if what != "_":
         sender, receiver, protocol, act = rest
         known = any((s, r, p, a) == (sender, receiver, protocol, act) for s, r, p, a in design.rules)
-        hears = identity == receiver or identity in ("monitor", "console")
-        return known and ((action == "put" and identity == sender) or (action == "subscribe" and hears))
+    else:
+        (kind, sender, *others), receiver = rest, rest[-1]
+        known = kind in ("receipt", "ping", "pong") and bool(others)
+    return known and (sender, receiver) == {"put": (identity, agent), "subscribe": (agent, identity)}.get(action)
+
+
+def allowed(design: Design, identity: str, action: str, key: str) -> bool:
+    """Return whether the design allows a cell at the router, told from the chunks of the key alone."""
+    _, _, what, *rest = key.split("/")
+    if what != "_":
+        return False  # agents say it to each other
     kind, owner, *peer = rest
     signal: Signal = design.signals[kind]
     addressed = peer if "{peer}" in signal.key else []
+    if owner in design.agents and addressed:
+        return False  # also by their own links
     named = [other for writer, other in signal.reach if writer == owner]
     reached = named or (design.peers(owner) if owner in design.agents else tuple(design.agents))
     if owner not in signal.writers or (addressed and addressed[0] not in reached):

@@ -1,4 +1,4 @@
-"""Two systems side by side: agents' wires of both, at one router or linked, in this process.
+"""Two systems side by side: agents' wires of both, linked, and one router for tools, in this process.
 
 And a link to a router that can go silent, as a cable that is pulled: whoever is connected notices nothing at first.
 """
@@ -14,7 +14,7 @@ import zenoh
 from agent_runtime.core.effects import Receipt
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.secured import client_tls
+from agent_runtime.io.secured import client_tls, links_of, links_tls
 from agent_runtime.io.sessions import client_config, free_endpoint, open_links
 from agent_runtime.io.zenoh_wire import ZenohWire
 from agent_runtime.testing.step_logs import StepLogs
@@ -27,13 +27,11 @@ KINDS = ("state",)
 
 
 class Pair:
-    """co and ta of one system: two sessions, two inboxes. `heard`: everything that came, per agent."""
+    """co and ta of one system: two linked sessions, two inboxes. `heard`: everything that came, per agent."""
 
-    def __init__(
-        self, system: str, endpoint: str, keys: Path | None = None, logs: Path | None = None, *, direct: bool = False
-    ) -> None:
+    def __init__(self, system: str, endpoint: str, keys: Path | None = None, logs: Path | None = None) -> None:
         """`endpoint`: the router's. `keys`: of the site (agent_runtime.io.issuing), where it has some. `logs`: folder
-        of the step logs. `direct`: the two are linked, without keys, and the router is for tools.
+        of the step logs.
         """
         self.system = system
         self._logs = None if logs is None else StepLogs(logs)
@@ -41,12 +39,17 @@ class Pair:
             for name in ("co", "ta"):
                 (logs / "steps").mkdir(parents=True, exist_ok=True)
                 (logs / "steps" / f"{name}.steps").touch()
+        own = keys and keys / system
+        self.ends = {name: free_endpoint().replace("tcp/", "tls/" if own else "tcp/") for name in ("co", "ta")}
         self.sessions = {
-            name: zenoh.open(client_config(endpoint, keys and client_tls(keys / system, name))) for name in ("co", "ta")
+            name: open_links(
+                at,
+                tuple(set(self.ends.values()) - {at}),
+                own and links_tls(own, name),
+                own and links_of(own, name),
+            )
+            for name, at in self.ends.items()
         }
-        tools, ends = self.sessions, {name: free_endpoint() for name in self.sessions}
-        if direct:
-            self.sessions = {name: open_links(ends[name], tuple(set(ends.values()) - {ends[name]})) for name in ends}
         self.inboxes = {name: Inbox() for name in self.sessions}
         self.heard: dict[str, list[object]] = {name: [] for name in self.sessions}
         self.wires = {
@@ -56,12 +59,11 @@ class Pair:
                 1 if system == "velma1" else 2,
                 self.inboxes[name],
                 log=logs and logs / "steps" / f"{name}.steps",
-                direct=direct,
             )
             for name, session in self.sessions.items()
         }
-        for name, wire in self.wires.items() if direct else ():
-            wire.join(tools[name])
+        for name, wire in self.wires.items():
+            wire.join(zenoh.open(client_config(endpoint, own and client_tls(own, name))))
 
     def talk(self, text: str) -> None:
         """Say one of everything that an agent can say, both ways, with this text in it."""

@@ -1,4 +1,4 @@
-"""Processes of the companion behind a router with keys: its address and its keys stand in the environment."""
+"""Processes of the companion with keys, and their router: addresses and keys stand in the environment."""
 
 from pathlib import Path
 
@@ -18,21 +18,21 @@ SYSTEM = "roco"
 
 
 def secured(run: Path, monkeypatch: pytest.MonkeyPatch) -> Processes:
-    """A run folder with keys and the file that tells the router's address; nothing runs yet."""
-    made = Processes(run)
-    made.endpoint = made.endpoint.replace("tcp/", "tls/")
+    """A run folder with keys and the file that tells the addresses; nothing runs yet."""
+    made = Processes(run, agents=tuple(DESIGN.agents), scheme="tls")
     issuing.issue(run / KEYS_FOLDER, DESIGN, (SYSTEM,))
-    told = {"LISTEN": made.endpoint, "CONNECT": made.endpoint, "RUN_DIR": run, "TLS_DIR": run / KEYS_FOLDER}
-    for name, value in (told | {"SYSTEM": SYSTEM}).items():
+    told = {"CONNECT": made.endpoint, "RUN_DIR": run, "TLS_DIR": run / KEYS_FOLDER, "SYSTEM": SYSTEM}
+    for name, value in told.items():
         monkeypatch.setenv(f"ROCO_{name}", str(value))
-    fleet = Fleet(system=SYSTEM, connect=made.endpoint, supervisor=0, started=0.0, processes=())
+    fleet = Fleet(system=SYSTEM, connect=made.endpoint, supervisor=0, started=0.0, processes=(), agents=made.agents)
     (run / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
     return made
 
 
-def session(fleet: Processes, identity: str) -> zenoh.Session:
-    """A session with the keys of this identity."""
-    return zenoh.open(client_config(fleet.endpoint, client_tls(fleet.run / KEYS_FOLDER, identity)))
+def session(fleet: Processes, identity: str, to: str = "") -> zenoh.Session:
+    """A session with the keys of this identity, with the agent `to`, else with the router."""
+    at = fleet.agents[to] if to else fleet.endpoint
+    return zenoh.open(client_config(at, client_tls(fleet.run / KEYS_FOLDER, identity)))
 
 
 def serve(fleet: Processes, name: str, module: str) -> None:
@@ -42,6 +42,12 @@ def serve(fleet: Processes, name: str, module: str) -> None:
     before, fleet.script = fleet.script, path
     fleet.start(name)
     fleet.script = before
+
+
+def listens(fleet: Processes, name: str) -> bool:
+    """Whether an agent listens, and is at the router."""
+    beat = fleet.run / f"{name}.heartbeat.json"
+    return beat.exists() and fleet.beat(name).up
 
 
 def end(fleet: Processes) -> None:

@@ -1,5 +1,6 @@
 """An agent of the stories, the crowd or the brokers as a process: `python story_process.py <agent> <connect> <run>`."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -11,12 +12,13 @@ import story_agents as stories
 
 from agent_runtime.core.wiring import Delivery
 from agent_runtime.io import shell
-from agent_runtime.io.options import Options
+from agent_runtime.io.cli import endpoints
+from agent_runtime.io.options import AGENTS_VARIABLE, Options
 
 
 def main(name: str, connect: str, run: Path) -> int:
     """Serve until a signal comes."""
-    options = Options(connect=connect, run_dir=run)
+    options = Options(connect=connect, run_dir=run, agents=endpoints(os.environ[AGENTS_VARIABLE]))
     if name in ("alice", "bob"):
         agent = stories.alice() if name == "alice" else stories.bob()
         return shell.run(agent, stories.wiring(name, query=Delivery.VOLATILE), options)

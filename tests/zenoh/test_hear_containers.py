@@ -13,6 +13,7 @@ import pytest
 from test_traffic import ROCO, Router, told, wait_for
 
 from agent_runtime.core.wiring import service_key
+from agent_runtime.io.sessions import free_endpoint
 from agent_runtime.testing.step_logs import StepLogs
 from companion.tools.system import SYSTEM
 from operate.recording import mcap_file
@@ -38,6 +39,7 @@ class Containers(Router):
             (root / "containers" / f"one.{service}" / "state").write_text("running")
             (root / "containers" / f"one.{service}" / "environment").write_text(
                 f"ROCO_SYSTEM=roco\nROCO_CONNECT={self.endpoint}\n"
+                f"ROCO_AGENTS=hi={free_endpoint()},co={free_endpoint()}\n"
             )
         self._logs = StepLogs(self.monitor)
         with_setting = mcap_file.Recording(self.monitor / TRAFFIC_FILE)

@@ -13,6 +13,6 @@ def test_every_mark_may_be_in_the_name(tmp_path: Path) -> None:
     """Those of Zenoh's endpoints, too."""
     one = Guarded(tmp_path / f"ö {string.punctuation.replace('/', '')}")
     try:
-        assert str(one.router.zid()) in map(str, one.session("hi").info.routers_zid())
+        assert str(one.guard.zid()) in map(str, one.session("hi").info.routers_zid())
     finally:
         one.close()

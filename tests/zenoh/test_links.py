@@ -86,7 +86,7 @@ class Agents:
 def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Keys of the companion's agents with direct links."""
     folder = tmp_path_factory.mktemp("keys")
-    issuing.issue(folder, DESIGN, (SYSTEM,), direct=True)
+    issuing.issue(folder, DESIGN, (SYSTEM,))
     return folder
 
 
@@ -168,7 +168,7 @@ def test_who_speaks_for_a_group_is_at_the_router(tmp_path: Path) -> None:
     router = open_router(at)
     wires = binding.wiring("doer", "one", design=design, languages=Languages())
     inbox, heard = Inbox(), list[str]()
-    wire = ZenohWire(Links(Options(agents=ends), wires).open(), wires, 1, inbox, direct=True)
+    wire = ZenohWire(Links(Options(agents=ends), wires).open(), wires, 1, inbox)
     base = zenoh.open(client_config(at))
     ears = base.declare_subscriber("roco/one/*/doer/*/*/*", lambda sample: heard.append(str(sample.key_expr)))
     try:

@@ -1,4 +1,4 @@
-"""The toy agents as processes over a real router: the promises of the pretend wires hold over the real one."""
+"""The toy agents as processes that are linked: the promises of the pretend wires hold over the real ones."""
 
 import time
 from pathlib import Path
@@ -13,7 +13,7 @@ from agent_runtime.core.state import restored
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import communicate_key
 from agent_runtime.io.journal_format import MAGIC, frame, last_record, records
-from agent_runtime.io.sessions import client_config
+from agent_runtime.io.sessions import client_config, open_router
 from agent_runtime.io.steplog import fingerprint, read, replay
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
@@ -154,31 +154,29 @@ def test_the_wall_clock_is_set(fleet: Fleet, moved_s: int) -> None:
     last = beat.stat().st_mtime_ns
     wait_for(lambda: beat.stat().st_mtime_ns > last, "the asker beats on")
     assert abs(fleet.beat("asker").at - at) < 1800
-    fleet.kill("router")
+    fleet.kill("server")
     fleet.want(2)
     wait_for(lambda: fleet.beat("asker").state == "asking", "the asker asks")
-    fleet.start("router")
+    fleet.start("server")
     expect(fleet, 1, 2)
 
 
 def test_router_killed(fleet: Fleet) -> None:
-    """Nobody is taken for dead when the router dies; when it is back the traffic goes on."""
+    """The traffic goes on, nobody is taken for dead, and the agents see that the router is away, and is back."""
     fleet.want(1)
     expect(fleet, 1)
     fleet.kill("router")
     wait_for(lambda: not fleet.beat("asker").up, "the asker sees that the router is away")
     fleet.want(2)
-    wait_for(lambda: fleet.beat("asker").state == "asking", "the asker asks")
-    assert fleet.beat("asker").peers == {"server": 1}
-    fleet.start("router")
     expect(fleet, 1, 2)
+    fleet.start("router")
     wait_for(lambda: fleet.beat("asker").up, "the asker sees the router")
     assert fleet.beat("asker").peers == {"server": 1}
 
 
 def test_garbage_kills_nobody(fleet: Fleet) -> None:
     """Garbage on an agent's keys is counted, and the next request is served."""
-    with zenoh.open(client_config(fleet.endpoint)) as session:
+    with zenoh.open(client_config(fleet.agents["server"])) as session:
         key = communicate_key("toy", "T1", "asker", "server", "request", Performative.REQUEST)
         lie = Communicate(
             performative=Performative.CANCEL,
@@ -198,13 +196,28 @@ def test_garbage_kills_nobody(fleet: Fleet) -> None:
     expect(fleet, 9)
 
 
-def test_stop_without_a_router(tmp_path: Path) -> None:
-    """An agent that waits for its router still stops in order, at once."""
+def test_without_a_router(tmp_path: Path) -> None:
+    """Agents work, say why they do not reach it, once, and stop in order."""
     fleet = Fleet(tmp_path)
-    fleet.start("server")
-    wait_for(lambda: (tmp_path / "steps" / "server.steps").exists(), "the agent has begun")
-    wait_for(lambda: "waiting for the router" in fleet.logs(), "the agent waits for its router")
-    assert fleet.stop("server") == 0
+    fleet.start("server", "asker")
+    fleet.ready("server", "asker")
+    fleet.want(1)
+    expect(fleet, 1)
+    wait_for(lambda: "nobody listens" in (tmp_path / "server.log").read_text(), "the agent says why")
+    assert [fleet.stop(name) for name in ("asker", "server")] == [0, 0]
+    assert (tmp_path / "server.log").read_text().count("no router") == 1
+
+
+def test_where_its_place_is_taken_an_agent_waits(tmp_path: Path) -> None:
+    """It says so, once, and still stops in order."""
+    fleet = Fleet(tmp_path)
+    with open_router(fleet.agents["server"]):
+        fleet.start("server")
+        wait_for(lambda: "cannot listen" in fleet.logs(), "it says so")
+        beat = fleet.beat("server").at
+        wait_for(lambda: fleet.beat("server").at > beat, "it beats on")
+        assert fleet.stop("server") == 0
+        assert fleet.logs().count("cannot listen") == 1
 
 
 def test_a_second_process_of_an_agent_is_refused(fleet: Fleet) -> None:

@@ -30,7 +30,7 @@ def journalled(run: Path, agent: Agent[Any]) -> Any:
 
 def opened(run: Path, *names: str) -> Fleet:
     """A router, and these agents as processes."""
-    fleet = Fleet(run, PROCESS)
+    fleet = Fleet(run, PROCESS, names)
     fleet.start("router")
     fleet.ready("router")
     fleet.start(*names)

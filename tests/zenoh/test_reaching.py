@@ -17,7 +17,7 @@ import msgspec
 import pytest
 from cryptography import x509
 from guarded import SYSTEM
-from toy_fleet import Fleet, wait_for
+from toy_fleet import wait_for
 
 from agent_runtime.io import keys, reaching
 from agent_runtime.io.reaching import why_not
@@ -218,15 +218,6 @@ def test_doctor_lists_who_was_refused(folder: Path, routers: tuple[str, str]) ->
     assert {part.partition(" × ")[2] for part in told().partition("UTC: ")[2].split("; ")} <= {
         *checkup_reach.REASONS.values()
     }
-
-
-def test_an_agent_that_waits_says_why(tmp_path: Path) -> None:
-    """After some seconds, once for each reason."""
-    fleet = Fleet(tmp_path)
-    fleet.start("server")
-    wait_for(lambda: "still waiting for the router" in fleet.logs(), "the agent says why")
-    assert_matches("connection refused", fleet.logs())
-    assert fleet.stop("server") == 0
 
 
 def assert_matches(words: str, said: str) -> None:

@@ -1,5 +1,5 @@
-"""Every cell of the rights over a real router with TLS: identity x key x put, subscribe, query, queryable, token,
-watch. Allowed is exactly what the design says, written out here a second time.
+"""Every cell of the rights over TLS, at a real router and at the links of an agent: identity x key x put, subscribe,
+query, queryable, token, watch. Allowed is exactly what the design says, written out here a second time.
 """
 
 import time
@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import zenoh
-from guarded import FENCE, SYSTEM, Guarded, allowed, keys_of
+from guarded import FENCE, SYSTEM, Guarded, allowed, allowed_at, keys_of
 
 from companion.design import DESIGN
 from topdown.model.rights import ROUTER, identities
@@ -17,6 +17,7 @@ from topdown.model.rights import ROUTER, identities
 pytestmark = pytest.mark.zenoh
 PEOPLE = tuple(name for name in identities(DESIGN) if name != ROUTER)
 KEYS = keys_of(DESIGN)
+AGENT = "co"
 ACTIONS = ("put", "subscribe", "query", "queryable", "token", "watch")
 DEADLINE_S = 20.0
 
@@ -29,10 +30,18 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
     one.close()
 
 
+@pytest.fixture(scope="module", params=["", AGENT], ids=["router", AGENT])
+def open_house(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
+    """A guard that asks for certificates and allows everything."""
+    one = Guarded(tmp_path_factory.mktemp("open"), request.param, {"enabled": False})
+    yield one
+    one.close()
+
+
 @pytest.fixture(scope="module")
-def open_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
-    """A router that asks for certificates and allows everything."""
-    one = Guarded(tmp_path_factory.mktemp("open"), {"enabled": False})
+def linked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
+    """The links of the agent with most neighbours."""
+    one = Guarded(tmp_path_factory.mktemp("linked"), AGENT)
     yield one
     one.close()
 
@@ -46,9 +55,9 @@ def until(condition: Callable[[], object], what: str) -> None:
 
 
 def passed_the_fence(guarded: Guarded, session: zenoh.Session) -> None:
-    """Once this returns the router has decided all that the session declared or put before."""
+    """Once this returns the guard has decided all that the session declared or put before."""
     heard: Queue[str] = Queue()
-    with guarded.router.declare_subscriber(f"{FENCE}/in", lambda sample: heard.put(sample.payload.to_string())):
+    with guarded.guard.declare_subscriber(f"{FENCE}/in", lambda sample: heard.put(sample.payload.to_string())):
         session.put(f"{FENCE}/in", "decided")
         assert heard.get(timeout=DEADLINE_S) == "decided"
 
@@ -56,7 +65,7 @@ def passed_the_fence(guarded: Guarded, session: zenoh.Session) -> None:
 def puts(guarded: Guarded, session: zenoh.Session) -> set[str]:
     """The keys that are let in."""
     heard: list[str] = []
-    with guarded.router.declare_subscriber("**", lambda sample: heard.append(str(sample.key_expr))):
+    with guarded.guard.declare_subscriber("**", lambda sample: heard.append(str(sample.key_expr))):
         for key in KEYS:
             session.put(key, b"said")
         session.put(f"{FENCE}/end", b"")
@@ -69,8 +78,8 @@ def subscribes(guarded: Guarded, session: zenoh.Session) -> set[str]:
     ears = [session.declare_subscriber(key, zenoh.handlers.FifoChannel(8)) for key in (*KEYS, f"{FENCE}/end")]
     passed_the_fence(guarded, session)
     for key in KEYS:
-        guarded.router.put(key, b"said")
-    guarded.router.put(f"{FENCE}/end", b"")
+        guarded.guard.put(key, b"said")
+    guarded.guard.put(f"{FENCE}/end", b"")
     until(lambda: ears[-1].try_recv() is not None, "the last word is heard")
     heard = {str(sample.key_expr) for ear in ears[:-1] if (sample := ear.try_recv()) is not None}
     for ear in ears:
@@ -80,7 +89,7 @@ def subscribes(guarded: Guarded, session: zenoh.Session) -> set[str]:
 
 def queries(guarded: Guarded, session: zenoh.Session) -> set[str]:
     """The keys on which a question is let in: all of them have somebody who would answer."""
-    with guarded.router.declare_queryable("**", _answer, complete=True):
+    with guarded.guard.declare_queryable("**", _answer, complete=True):
         passed_the_fence(guarded, session)
         assert _answered(session, f"{FENCE}/question")
         return {key for key in KEYS if _answered(session, key)}
@@ -91,8 +100,8 @@ def queryables(guarded: Guarded, session: zenoh.Session) -> set[str]:
     ears = [session.declare_queryable(key, zenoh.handlers.FifoChannel(8)) for key in KEYS]
     with session.declare_queryable(f"{FENCE}/question", _answer):
         passed_the_fence(guarded, session)
-        asking = [guarded.router.get(key, timeout=2.0) for key in KEYS]
-        assert _answered(guarded.router, f"{FENCE}/question")
+        asking = [guarded.guard.get(key, timeout=2.0) for key in KEYS]
+        assert _answered(guarded.guard, f"{FENCE}/question")
     asked = {key for key, ear in zip(KEYS, ears, strict=True) if ear.try_recv() is not None}
     for ear in ears:
         ear.undeclare()
@@ -104,10 +113,10 @@ def tokens(guarded: Guarded, session: zenoh.Session) -> set[str]:
     """The keys of tokens that are let in."""
     held = [session.liveliness().declare_token(key) for key in KEYS]
     passed_the_fence(guarded, session)
-    seen = _alive(guarded.router, "**")
+    seen = _alive(guarded.guard, "**")
     for token in held:
         token.undeclare()
-    until(lambda: not _alive(guarded.router, "roco/**"), "the tokens are gone")
+    until(lambda: not _alive(guarded.guard, "roco/**"), "the tokens are gone")
     return seen
 
 
@@ -116,13 +125,13 @@ def watches(guarded: Guarded, session: zenoh.Session) -> set[str]:
     live = session.liveliness()
     ears = [live.declare_subscriber(key, zenoh.handlers.FifoChannel(8), history=True) for key in (*KEYS, f"{FENCE}/on")]
     passed_the_fence(guarded, session)
-    held = [guarded.router.liveliness().declare_token(key) for key in (*KEYS, f"{FENCE}/on")]
+    held = [guarded.guard.liveliness().declare_token(key) for key in (*KEYS, f"{FENCE}/on")]
     until(lambda: ears[-1].try_recv() is not None, "the last token is seen")
     told = {str(sample.key_expr) for ear in ears[:-1] if (sample := ear.try_recv()) is not None}
     asked = {key for key in KEYS if _alive(session, key)}
     for one in (*ears, *held):
         one.undeclare()
-    until(lambda: not _alive(guarded.router, "roco/**"), "the tokens are gone")
+    until(lambda: not _alive(guarded.guard, "roco/**"), "the tokens are gone")
     return told | asked  # a question beside a subscription to the same token may come back empty (zenoh 1.10.2)
 
 
@@ -161,6 +170,23 @@ def test_exactly_the_cells_of_the_design(guarded: Guarded, identity: str, action
 
 
 @pytest.mark.parametrize("action", ACTIONS)
+@pytest.mark.parametrize("identity", PEOPLE)
+def test_exactly_the_cells_of_the_design_at_an_agent(linked: Guarded, identity: str, action: str) -> None:
+    """A neighbour says and hears what the design has between the two; all others nothing."""
+    if identity == AGENT:
+        return
+    session = linked.session(identity)
+    through = TRIES[action](linked, session)
+    session.close()  # type: ignore[no-untyped-call]
+    assert through == {key for key in KEYS if allowed_at(AGENT, DESIGN, identity, action, key)}
+
+
+def test_the_agent_has_most_neighbours() -> None:
+    """All its cells are walked above."""
+    assert len(DESIGN.peers(AGENT)) == max(len(DESIGN.peers(name)) for name in DESIGN.agents)
+
+
+@pytest.mark.parametrize("action", ACTIONS)
 def test_without_rules_every_cell_gets_through(open_house: Guarded, action: str) -> None:
     """Denials above are due to the rules: the same tries find nothing closed where there are none."""
     session = open_house.session("co")
@@ -180,8 +206,8 @@ def test_a_wildcard_hears_no_more(guarded: Guarded, identity: str) -> None:
     end = session.declare_subscriber(f"{FENCE}/end", zenoh.handlers.FifoChannel(8))
     passed_the_fence(guarded, session)
     for key in KEYS:
-        guarded.router.put(key, b"said")
-    guarded.router.put(f"{FENCE}/end", b"")
+        guarded.guard.put(key, b"said")
+    guarded.guard.put(f"{FENCE}/end", b"")
     until(lambda: end.try_recv() is not None, "the last word is heard")
     for ear in (*ears, end):
         ear.undeclare()
@@ -196,8 +222,8 @@ def test_a_wildcard_hears_no_more(guarded: Guarded, identity: str) -> None:
 @pytest.mark.parametrize("identity", PEOPLE)
 def test_who_lives_may_be_asked(guarded: Guarded, identity: str) -> None:
     """All that may see a token may also ask for it once, as `roco send` does; beyond the tokens nothing is told."""
-    token = guarded.router.liveliness().declare_token(f"roco/{SYSTEM}/_/alive/co/7")
-    other = guarded.router.liveliness().declare_token(f"roco/{SYSTEM}/_/state/co")
+    token = guarded.guard.liveliness().declare_token(f"roco/{SYSTEM}/_/alive/co/7")
+    other = guarded.guard.liveliness().declare_token(f"roco/{SYSTEM}/_/state/co")
     session = guarded.session(identity)
     seen = {f"roco/{SYSTEM}/_/alive/co/7"} if identity in DESIGN.signals["alive"].readers else set()
     assert _alive(session, f"roco/{SYSTEM}/_/alive/co/*") == seen

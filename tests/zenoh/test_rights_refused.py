@@ -129,7 +129,7 @@ def test_a_communicate_that_says_other_than_its_key_is_refused(fleet: Fleet, lie
     """It is counted, named in the log with both senders, and neither taken nor receipted."""
     key = communicate_key("toy", "T1", "asker", "server", "request", Performative.REQUEST)
     one = msgspec.structs.replace(SAID, **lie)
-    with zenoh.open(client_config(fleet.endpoint)) as session:
+    with zenoh.open(client_config(fleet.agents["server"])) as session:
         session.put(key, encode_strictly(one))
         wait_for(lambda: fleet.beat("server").counts.get("forged", 0) == 1, "it is counted")
     assert fleet.beat("server").counts == {"forged": 1}
@@ -141,7 +141,7 @@ def test_a_communicate_that_says_other_than_its_key_is_refused(fleet: Fleet, lie
 def test_a_replayed_communicate_is_dropped(fleet: Fleet) -> None:
     """A recorded request that is put again achieves nothing: it is counted, and the work is done once."""
     key = communicate_key("toy", "T1", "asker", "server", "request", Performative.REQUEST)
-    with zenoh.open(client_config(fleet.endpoint)) as session:
+    with zenoh.open(client_config(fleet.agents["server"])) as session:
         heard: list[bytes] = []
         ear = session.declare_subscriber(key, lambda sample: heard.append(sample.payload.to_bytes()))
         fleet.want(3)
@@ -160,6 +160,7 @@ def test_a_replayed_communicate_is_dropped(fleet: Fleet) -> None:
 def test_an_agent_without_its_keys_ends_and_says_why(folder: Path, tmp_path: Path) -> None:
     """Exit status 1, one line, nothing opened."""
     told = {"ROCO_RUN_DIR": str(tmp_path), "ROCO_TLS_DIR": str(folder), "ROCO_SYSTEM": SYSTEM}
+    told["ROCO_AGENTS"] = ",".join(f"{name}=tls/127.0.0.1:1" for name in DESIGN.agents)
     command = [sys.executable, "-m", "services.task"]
     done = subprocess.run(command, env=os.environ | told, capture_output=True, text=True, timeout=30.0, check=False)
     assert done.returncode == 1

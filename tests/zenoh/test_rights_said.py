@@ -1,6 +1,6 @@
-"""Over TLS, with processes of the companion: what a thief of a key cannot say, and who tells of what the router denied.
+"""Over TLS, with processes of the companion: what a thief of a key cannot say, and who tells of what was denied.
 
-The router sees keys only; so a lie inside a communicate and a copy are refused by whom they are said to. A copy that is
+The rules see keys only; so a lie inside a communicate and a copy are refused by whom they are said to. A copy that is
 put by its own sender cannot be told from one that is sent again, and does as little.
 """
 
@@ -11,14 +11,16 @@ from pathlib import Path
 import msgspec
 import pytest
 import zenoh
-from secured_fleet import SYSTEM, end, secured, serve, session
+from secured_fleet import SYSTEM, end, listens, secured, serve, session
 from toy_fleet import Fleet as Processes
 from toy_fleet import wait_for
 
 from agent_runtime.core.unheard import words
 from agent_runtime.io import issuing
+from agent_runtime.io.links import Links
+from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_FOLDER
-from agent_runtime.io.secured import RIGHTS, client_tls
+from agent_runtime.io.secured import client_tls, links_file
 from agent_runtime.io.sessions import client_config
 from agent_runtime.testing.stand_in import StandIn
 from companion.all_languages import LANGUAGES
@@ -26,11 +28,9 @@ from companion.binding import wiring
 from companion.design import DESIGN
 from companion.tasks.look_around.command import LookAround
 from companion.tools.verbs.hi import Hi, address
-from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
+from fipa_codec.communicate import Communicate, decode_strictly, encode, encode_strictly
 from fipa_codec.performatives import Performative
-from operate.cli.fleet.identity import tls
 from operate.cli.fleet.local import Local
-from operate.cli.runs import folders
 from operate.run_folder import LIVE_FILE
 
 pytestmark = pytest.mark.zenoh
@@ -50,24 +50,20 @@ def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Processes
     made.start("router")
     made.ready("router")
     serve(made, "co", "services.coordinator")
-    wait_for((tmp_path / "co.heartbeat.json").exists, "co lives")
+    wait_for(lambda: listens(made, "co"), "co lives")
     yield made
     end(made)
 
 
 def recorded(fleet: Processes) -> bytes:
-    """hi says something that co takes; the bytes as the console's session hears them."""
-    heard: list[bytes] = []
-    told = folders.fleet(fleet.run)
-    assert told is not None
-    with session(fleet, "console") as tap:
-        tap.declare_subscriber(KEY, lambda sample: heard.append(sample.payload.to_bytes()))
-        hi = StandIn(wiring("hi", SYSTEM), "listening", fleet.run, fleet.endpoint, tls=tls(fleet.run, told, "hi"))
-        hi.say(LOOK, labelled=True)
-        list(hi.hear(float("inf"), unless_receipted="co"))
-        wait_for(lambda: heard, "the console hears it")
-        hi.close()
-    return heard[0]
+    """hi says something that co takes; the bytes."""
+    hi = wiring("hi", SYSTEM)
+    links = Links(Options(keys=fleet.run / KEYS_FOLDER, agents=fleet.agents), hi)
+    life = StandIn(hi, "listening", fleet.run, links)
+    one = life.say(LOOK, labelled=True)
+    list(life.hear(float("inf"), unless_receipted="co"))
+    life.close()
+    return encode(one)
 
 
 def count(fleet: Processes, what: str) -> int:
@@ -91,7 +87,7 @@ def said(fleet: Processes, what: str) -> dict[str, object]:
 def test_a_lie_inside_a_communicate_is_refused(fleet: Processes, lie: dict[str, str]) -> None:
     """hi's key lets a thief put on hi's keys; what says that it is of another is counted and named, and not taken."""
     said_so = encode_strictly(msgspec.structs.replace(LOOK, id="1", **lie))
-    with session(fleet, "hi") as thief:
+    with session(fleet, "hi", "co") as thief:
 
         def counted() -> bool:
             thief.put(KEY, said_so)  # again and again: co listens some time after its first heartbeat
@@ -109,7 +105,7 @@ def test_a_recorded_communicate_does_nothing_when_its_sender_puts_it_again(fleet
     """It is counted and named each time; the one task stays one."""
     copy = recorded(fleet)
     wait_for(lambda: planning(fleet) == (1, "compSP"), "co asks for a plan, and nobody answers")
-    with session(fleet, "hi") as thief:
+    with session(fleet, "hi", "co") as thief:
         for number in range(1, 4):
             thief.put(KEY, copy)
             wait_for(lambda number=number: count(fleet, "taken before") >= number, "a copy is counted")
@@ -120,10 +116,10 @@ def test_a_recorded_communicate_does_nothing_when_its_sender_puts_it_again(fleet
 
 
 def test_a_recorded_communicate_of_another_does_nothing(fleet: Processes) -> None:
-    """With pl's key the router does not let it onto hi's key; on pl's own it is a lie, counted and named."""
+    """With pl's key co does not let it onto hi's key; on pl's own it is a lie, counted and named."""
     copy = recorded(fleet)
     own = DESIGN.key_of(SYSTEM, DESIGN.rules["pl", "co", "request", Performative.AGREE])
-    with session(fleet, "pl") as thief:
+    with session(fleet, "pl", "co") as thief:
         for _ in range(3):
             thief.put(KEY, copy)
         thief.put(own, copy)
@@ -133,9 +129,9 @@ def test_a_recorded_communicate_of_another_does_nothing(fleet: Processes) -> Non
 
 
 def test_who_is_denied_is_told_by_the_fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A router that denies co its answers to hi: co's log, heartbeat and the recorder's news name co, hi and C2."""
+    """hi's rules deny co its answers: co's log, heartbeat and the recorder's news name co, hi and C2."""
     made = secured(tmp_path, monkeypatch)
-    deny(made.run / KEYS_FOLDER / RIGHTS, f"roco/{SYSTEM}/C2/co/hi/")
+    deny(links_file(made.run / KEYS_FOLDER, "hi"), f"roco/{SYSTEM}/C2/co/hi/")
     try:
         made.start("router")
         made.ready("router")
@@ -151,41 +147,47 @@ def test_who_is_denied_is_told_by_the_fleet(tmp_path: Path, monkeypatch: pytest.
         line = said(made, "unheard")
         assert line["level"] == "warning"
         assert "what co says to hi on C2 is not received" in str(line["why"])
-        assert "perhaps the router denies it" in words("co", one, one.since)
+        assert "perhaps the rules of hi deny it" in words("co", one, one.since)
         wait_for(lambda: "what co says to hi on C2 is not" in (made.run / LIVE_FILE).read_text(), "the recorder tells")
     finally:
         end(made)
 
 
 def deny(rights: Path, prefix: str) -> None:
-    """Take the right to put on keys that begin so from the router's rules."""
+    """Take keys that begin so from what an agent's neighbours may bring."""
     told = json.loads(rights.read_text())
     for rule in told["access_control"]["rules"]:
-        if rule["id"].endswith(" puts"):
+        if rule["id"].endswith(" brings words"):
             rule["key_exprs"] = [key for key in rule["key_exprs"] if not key.startswith(prefix)]
     rights.write_text(json.dumps(told))
 
 
 def test_nobody_hears_the_fleet_without_a_right(fleet: Processes) -> None:
-    """hi's key hears what is said to hi, and not what hi says to co."""
+    """ta's key hears what co says to ta, and not what hi says to co."""
     heard: list[zenoh.Sample] = []
-    with session(fleet, "ta") as thief:
+    with session(fleet, "ta", "co") as thief:
         thief.declare_subscriber(KEY, heard.append)
         recorded(fleet)
     assert not heard
 
 
 def test_keys_that_are_made_anew_part_nobody(fleet: Processes) -> None:
-    """Another authority under a running router: it listens again, co returns with new keys, old ones do not count."""
+    """Another authority under a fleet that runs: router and co listen again, and old keys do not count."""
     old = (fleet.run / KEYS_FOLDER).rename(fleet.run / "old")
-    with zenoh.open(client_config(fleet.endpoint, client_tls(old, "hi"))):
+    both = fleet.endpoint, fleet.agents["co"]
+    with (
+        zenoh.open(client_config(both[0], client_tls(old, "hi"))),
+        zenoh.open(client_config(both[1], client_tls(old, "hi"))),
+    ):
         issuing.issue(fleet.run / KEYS_FOLDER, DESIGN, (SYSTEM,))
         wait_for(lambda: "keys were renewed" in (fleet.run / "router.log").read_text(), "the router sees it")
         wait_for(lambda: listening(fleet) == 2, "the router listens anew")
+        wait_for(lambda: "keys were renewed" in (fleet.run / "co.log").read_text(), "co sees it")
     wait_for(lambda: fleet.beat("co").up, "co is back")
     assert decode_strictly(recorded(fleet)).sender == "hi"
-    with pytest.raises(zenoh.ZError):
-        zenoh.open(client_config(fleet.endpoint, client_tls(old, "hi")))
+    for endpoint in both:
+        with pytest.raises(zenoh.ZError):
+            zenoh.open(client_config(endpoint, client_tls(old, "hi")))
 
 
 def listening(fleet: Processes) -> int:

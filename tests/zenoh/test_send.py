@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 import typer
-from secured_fleet import end, secured, serve
+from secured_fleet import end, listens, secured, serve
 from toy_fleet import Fleet as Processes
 from toy_fleet import wait_for
 from typer.testing import CliRunner
@@ -29,7 +29,7 @@ def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Processes
     made.start("router")
     made.ready("router")
     serve(made, "co", "services.coordinator")
-    wait_for(lambda: (tmp_path / "co.heartbeat.json").exists(), "co lives")
+    wait_for(lambda: listens(made, "co"), "co lives")
     yield made
     end(made)
 
@@ -78,6 +78,9 @@ def test_beside_an_agent_that_lives_it_refuses(fleet: Processes) -> None:
     said = roco(fleet.run, *words, code=1)
     assert "co runs" in said
     assert "--force" in said
+    assert "nobody answers" in roco(fleet.run, *words, "--force", code=1), "pl does not run"
+    serve(fleet, "pl", "services.planner")
+    wait_for(lambda: listens(fleet, "pl"), "pl lives")
     forced = sent(fleet.run, *words, "--force")
     assert forced.sent["id"].startswith("forced-")
     assert forced.receipted is None
@@ -95,7 +98,9 @@ def test_what_is_wrong_may_be_said_on_purpose(fleet: Processes) -> None:
 
 
 def test_nobody_there(fleet: Processes, tmp_path: Path) -> None:
-    """Said to an agent that does not run it waits in the journal, and the next life says it again."""
+    """Said to an agent that does not run it waits in the journal, and the next life says it again; without a router,
+    too.
+    """
     fleet.kill("co")
     said = roco(fleet.run, *COMMAND, *LOOK, "--wait", "0.1")
     assert "not receipted by co" in said
@@ -105,5 +110,5 @@ def test_nobody_there(fleet: Processes, tmp_path: Path) -> None:
     assert done.receipted
     assert [one["in_reply_to"] for one in done.heard if one["performative"] == "agree"] == ["1", "2"]
     fleet.kill("router")
-    assert "nobody answers" in roco(fleet.run, *COMMAND, *LOOK, code=1)
+    assert sent(fleet.run, *COMMAND, *LOOK, "--wait", "3").receipted, "agents are linked without it"
     assert "no run" in roco(tmp_path / "none", *COMMAND, *LOOK, code=3)

@@ -20,7 +20,6 @@ from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import client_config, close, links_config, open_client, router_config
 from agent_runtime.testing import stand_in
-from companion.binding import wiring
 
 pytestmark = pytest.mark.zenoh
 ROOT = Path(__file__).resolve().parents[2]
@@ -111,8 +110,8 @@ def sockets() -> set[str]:
     return found
 
 
-def test_whoever_opens_a_session_is_a_client(guarded: Guarded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The agents' session, the recorder's tap, the two of `roco send`: real sessions with keys, and no new socket."""
+def test_whoever_opens_a_session_is_a_client(guarded: Guarded, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tool's session, the recorder's tap, the voice of `roco send`: real sessions with keys, and no new socket."""
     configs: list[zenoh.Config] = []
     really = zenoh.open
     monkeypatch.setattr(sessions.zenoh, "open", lambda config: configs.append(config) or really(config))
@@ -123,7 +122,6 @@ def test_whoever_opens_a_session_is_a_client(guarded: Guarded, tmp_path: Path, m
         session,
         tap.open_tap(options, lambda _: None, lambda: False),
         stand_in.Voice(guarded.endpoint, (), tls=tls["hi"]),
-        stand_in.StandIn(wiring("hi", SYSTEM), "listening", tmp_path, guarded.endpoint, tls=tls["hi"]),
     ]
     assert len(configs) == len(opened)
     assert sockets() == before

@@ -15,7 +15,7 @@ from toy_fleet import Fleet, wait_for
 
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.message_size import LONGEST, TooLongError
-from agent_runtime.io.sessions import client_config, router_config
+from agent_runtime.io.sessions import client_config, free_endpoint, open_links, router_config
 from agent_runtime.io.zenoh_wire import ZenohWire
 from companion.binding import wiring
 from fipa_codec.communicate import MAX_BYTES
@@ -136,8 +136,10 @@ def test_a_message_that_is_too_long_is_dropped_alone(router: Fleet) -> None:
 def test_what_is_published_is_not_longer_than_the_router_takes(router: Fleet) -> None:
     """It would be dropped on the way, and nobody told."""
     with zenoh.open(client_config(router.endpoint)) as session:
-        wire = ZenohWire(session, wiring("hi", "roco"), 1, Inbox())
+        wire = ZenohWire(open_links(free_endpoint(), ()), wiring("hi", "roco"), 1, Inbox())
+        wire.join(session)
         wire.publish("state", bytes(MAX_BYTES))
         said = f"_/state/hi has {MAX_BYTES + 1} bytes, at most {MAX_BYTES} are put: .* put it in parts"
         with pytest.raises(TooLongError, match=said):
             wire.publish("state", bytes(MAX_BYTES + 1))
+        wire.close()

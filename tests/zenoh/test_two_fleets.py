@@ -34,12 +34,12 @@ READY_S, TASK_S = 180.0, 240.0  # estimates: two fleets on a loaded machine with
 
 
 class Site:
-    """A folder with the keys, the site's own run, and a run for each robot, whose agents are linked or not."""
+    """A folder with the keys, the site's own run, and a run for each robot."""
 
-    def __init__(self, folder: Path, links: str) -> None:
-        self.folder, keys, self._links = folder, folder / "keys", links
+    def __init__(self, folder: Path) -> None:
+        self.folder, keys = folder, folder / "keys"
         at = free_endpoint().replace("tcp/", "tls/")
-        self.roco("keys", "make", str(keys), "--system", ",".join(TOLD), "--links", links)
+        self.roco("keys", "make", str(keys), "--system", ",".join(TOLD))
         self.up(folder, "router,monitor", keys, ROCO_CONNECT=at)
         for name in TOLD:
             self.up(folder / name, ROBOT, keys / name, ROCO_SYSTEM=name, ROCO_CONNECT=at)
@@ -51,7 +51,7 @@ class Site:
             "ROCO_SYSTEMS": ",".join(TOLD),
             "ROCO_VIEW": "off",
         }
-        words = ("--only", only, "--links", self._links, "--speed", "max", "--no-wait")
+        words = ("--only", only, "--speed", "max", "--no-wait")
         self.roco("up", "--out", str(run), *words, **told, **more)
 
     def roco(self, *words: str, **told: str) -> None:
@@ -73,10 +73,10 @@ class Site:
             starting.down(run)
 
 
-@pytest.fixture(params=["direct", "router"])
-def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
     """Everything up."""
-    made = Site(tmp_path, request.param)
+    made = Site(tmp_path)
     try:
         for run in (tmp_path, *(tmp_path / name for name in TOLD)):
             wait_for(lambda run=run: made.ready(run), f"all of {run.name} are ready", READY_S)

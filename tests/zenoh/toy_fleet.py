@@ -1,17 +1,18 @@
-"""A real router and agents as processes on a free loopback port; waits are for conditions, with a deadline."""
+"""A real router and agents as processes on free loopback ports; waits are for conditions, with a deadline."""
 
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
 
 from agent_runtime.io.heartbeat import Heartbeat
-from agent_runtime.io.sessions import free_endpoint
+from agent_runtime.io.options import AGENTS_VARIABLE, LISTEN_VARIABLE
+from operate.supervisor.securing import free_port
 
 DEADLINE_S = 30.0
 TOY = Path(__file__).with_name("toy_process.py")
@@ -26,11 +27,14 @@ def wait_for(condition: Callable[[], object], what: str, deadline_s: float = DEA
 
 
 class Fleet:
-    """Processes of one run folder by name."""
+    """Processes of one run folder by name. `endpoint`: the router's; `agents`: those of the agents, linked directly."""
 
-    def __init__(self, run: Path, script: Path = TOY) -> None:
+    def __init__(
+        self, run: Path, script: Path = TOY, agents: Sequence[str] = ("asker", "server"), *, scheme: str = "tcp"
+    ) -> None:
         self.run, self.script = run, script
-        self.endpoint = free_endpoint()
+        self.endpoint, *others = (f"{scheme}/127.0.0.1:{free_port()}" for _ in range(1 + len(agents)))
+        self.agents = dict(zip(agents, others, strict=True))
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self, *names: str) -> None:
@@ -39,7 +43,11 @@ class Fleet:
             command = [sys.executable, str(self.script), name, self.endpoint, str(self.run)]
             if name == "router":
                 command = [sys.executable, "-m", "services.router"]
-            environment = os.environ | {"ROCO_LISTEN": self.endpoint, "ROCO_RUN_DIR": str(self.run)}
+            environment = os.environ | {
+                "ROCO_RUN_DIR": str(self.run),
+                LISTEN_VARIABLE: self.endpoint if name == "router" else "",
+                AGENTS_VARIABLE: ",".join(f"{agent}={endpoint}" for agent, endpoint in self.agents.items()),
+            }
             with (self.run / f"{name}.log").open("ab") as log:
                 self.processes[name] = subprocess.Popen(command, env=environment, stdout=log, stderr=log)
 

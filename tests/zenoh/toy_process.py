@@ -3,6 +3,7 @@
 Words for the asker come as files: the asker's device looks at <run>/want and posts each new line as Want.
 """
 
+import os
 import sys
 import threading
 import time
@@ -16,8 +17,9 @@ import toy_agents as toy
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.turn import Turn
 from agent_runtime.io import shell
+from agent_runtime.io.cli import endpoints
 from agent_runtime.io.devices import Post
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import AGENTS_VARIABLE, Options
 
 
 class WantFile:
@@ -75,7 +77,8 @@ def main(name: str, connect: str, run: Path) -> int:
     """Serve until a signal comes."""
     settable(run)
     to_server, to_asker = toy.wirings()
-    options = Options(connect=connect, run_dir=run, log_level="debug")
+    agents = endpoints(os.environ[AGENTS_VARIABLE])
+    options = Options(connect=connect, run_dir=run, log_level="debug", agents=agents)
     if name == "asker":
         return shell.run(toy.asker(), to_server, options, lambda post: WantFile(post, run / "want"))
     return shell.run(endless(run), to_asker, options)

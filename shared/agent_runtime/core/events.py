@@ -136,7 +136,9 @@ class Garbled(Event, frozen=True):
 
 
 class LinkChanged(Event, frozen=True):
-    """The agent's connection to the router is up or lost; while lost, nothing is sent and no peer counts as dead."""
+    """The agent opened its links with its peers, or closed them; while closed, nothing is sent and no peer counts as
+    dead.
+    """
 
     up: bool
 

@@ -1,9 +1,8 @@
-"""Liveness of peers, told apart from "I lost the router": tokens and transport events in, PeerChanged and LinkChanged
-out.
+"""Liveness of peers, told apart from links that this agent closed itself: tokens in, PeerChanged and LinkChanged out.
 
-When the router dies, all tokens vanish within 5 ms, before or after the transport's own end is told; so a vanished
-token is believed only after GRACE_S with the router still there. After a reconnect tokens come back by themselves; one
-that does not within RETURN_S belongs to an agent that died meanwhile.
+A token that vanishes is believed at once: each neighbour's comes by a link of its own. Where the agent opens all its
+links again, with renewed keys, tokens come back by themselves; one that does not within RETURN_S belongs to an agent
+that died meanwhile.
 
 Believed is the highest incarnation whose token is there. Whoever has a peer's key may declare a higher one than the
 peer itself: when that token is gone, the peer's own counts again. A journal's name stays believed while a token with it
@@ -12,10 +11,6 @@ is there or may come back; then the name that appeared last is believed. Pure: t
 
 from agent_runtime.core.events import LinkChanged, PeerChanged
 
-GRACE_S = 0.05
-"""The transport's end was told 1-9 ms after a router was killed (measured); several times that. Agents that
-are linked with each other believe a vanished token at once: no router can have taken it along.
-"""
 RETURN_S = 3.0
 """Reconnection is tried at least every 0.5 s, a cut-off peer is dropped after the lease of 2 s; a little more."""
 HASTE_S = 0.2
@@ -25,13 +20,10 @@ TOKENS = 1024
 
 
 class Peers:
-    """Of one agent; `known` are those it talks to, `grace_s` how long a vanished token is doubted [s].
+    """Of one agent; `known` are those it talks to. `alive`: the incarnation that is believed of each."""
 
-    `alive`: the incarnation that is believed of each.
-    """
-
-    def __init__(self, known: tuple[str, ...], grace_s: float = GRACE_S) -> None:
-        self._known, self._grace_s = frozenset(known), grace_s
+    def __init__(self, known: tuple[str, ...]) -> None:
+        self._known = frozenset(known)
         self.up = False
         self.alive: dict[str, int] = {}
         self._journal: dict[str, str] = {}
@@ -57,11 +49,11 @@ class Peers:
             if not there:
                 del lives[journal]
             if (self._journal.get(agent), self.alive.get(agent)) == (journal, incarnation) and self.up:
-                self._doubted.setdefault(agent, now + self._grace_s)
+                self._doubted.setdefault(agent, now)
         return []
 
-    def router(self, up: bool, now: float) -> list[LinkChanged]:
-        """The transport to the router opened or closed."""
+    def links(self, up: bool, now: float) -> list[LinkChanged]:
+        """The agent opened its links, or closed them."""
         if up == self.up:
             return []
         self.up = up

@@ -51,7 +51,7 @@ def note(agent: Agent[Any], wiring: Wiring, state: CoreState, out: Out, event: A
             _queue(state, Waiting(event, forced=True))
         case LinkChanged(up=up):
             state.soft.up = up
-            out.log("router back" if up else "router away", level="info" if up else "warning")
+            out.log("links open" if up else "links closed")
             _flush_all(wiring, state, out, now, wanted=up)
         case Started():
             _queue(state, Waiting(event, forced=True))

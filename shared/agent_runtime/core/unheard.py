@@ -33,7 +33,7 @@ _WORDS = {
     "pinged": "{agent} and {peer} do not hear each other on {channel} since {s:.0f} s",
     "asked": "what {agent} asks {peer} on {channel} is not answered since {s:.0f} s",
 }
-WHY = "perhaps the router denies it, or {peer} hangs"
+WHY = "perhaps the rules of {peer} deny it, or {peer} hangs"
 
 
 def words(agent: str, one: Unheard, now: float) -> str:

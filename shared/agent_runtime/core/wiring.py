@@ -146,7 +146,7 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
             self.system, link.channel, self.agent, link.peer, link.protocol, communicate.performative
         )
 
-    @property
+    @cached_property
     def groups(self) -> frozenset[str]:
         """The peers that are groups, not agents. A process that speaks for a group is connected to the router."""
         return frozenset(link.peer for link in self.links if not link.awaited)
@@ -155,14 +155,6 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
         """Return the key expressions on which this agent hears these peers, one per channel and peer."""
         pairs = sorted({(link.channel, link.peer) for link in self.links if link.peer in peers})
         return tuple(f"roco/{self.system}/{channel}/{peer}/{self.agent}/*/*" for channel, peer in pairs)
-
-    def heard_keys(self) -> tuple[str, ...]:
-        """Return every key on which the design lets this agent hear something."""
-        return tuple(
-            communicate_key(self.system, link.channel, link.peer, self.agent, link.protocol, act)
-            for link in self.links
-            for act in link.hears
-        )
 
 
 def communicate_key(

@@ -44,8 +44,8 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
             str,
             typer.Option(
                 envvar=LISTEN_VARIABLE,
-                help="Where it listens: a router, comma between, else at --connect; a linked agent, else at its"
-                " endpoint in --agents.",
+                help="Where it listens: a router, comma between, else at --connect; an agent, else at its endpoint in"
+                " --agents.",
             ),
         ] = _DEFAULT.listen,
         system: Annotated[
@@ -77,8 +77,7 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
             str,
             typer.Option(
                 envvar=AGENTS_VARIABLE,
-                help="Endpoints of agents that are linked directly, as co=tls/co:7448,ta=tls/ta:7448; empty: they meet"
-                " at the router.",
+                help="Of an agent: its endpoint and those of its neighbours, as co=tls/co:7448,ta=tls/ta:7448.",
             ),
         ] = "",
         replay: Annotated[

@@ -23,7 +23,8 @@ from agent_runtime.io.run_files import heartbeat_file, write_whole
 class Heartbeat(msgspec.Struct, frozen=True):
     """<agent>.heartbeat.json and the key `_/state/<agent>`: state and work of the agent. `at`: unix seconds.
 
-    `inside`: what it has at hand; in the file only. `trouble`: why it waits, in words.
+    `up`: whether it reaches the router, which is for tools. `inside`: what it has at hand; in the file only. `trouble`:
+    why it waits, in words.
     """
 
     agent: str
@@ -50,6 +51,7 @@ class Heartbeat(msgspec.Struct, frozen=True):
 def now(
     state: CoreState,
     peers: Peers,
+    up: bool,
     unheard: tuple[Unheard, ...],
     dropped: Mapping[str, int],
     ready: bool,
@@ -64,7 +66,7 @@ def now(
         step=state.soft.step,
         state=state.state,
         ready=ready,
-        up=peers.up,
+        up=up,
         peers=dict(peers.alive),
         unreceipted={peer: len(sent) for peer, sent in state.outbox.items()},
         due={peer: len(due) for peer, due in state.due.items()},

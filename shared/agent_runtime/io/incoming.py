@@ -1,4 +1,4 @@
-"""Samples that an agent hears from the router, as they came off the wire: nothing is decoded yet."""
+"""Samples that an agent hears, as they came off the wire: nothing is decoded yet."""
 
 import msgspec
 
@@ -49,9 +49,3 @@ class Token(msgspec.Struct, frozen=True):
     incarnation: int
     alive: bool
     journal: str = ""
-
-
-class RouterSeen(msgspec.Struct, frozen=True):
-    """The transport to the router opened (`up`) or closed."""
-
-    up: bool

@@ -1,4 +1,4 @@
-"""The keys of a whole fleet, from its design: who gets which certificate, where, and the router's rules.
+"""The keys of a whole fleet, from its design: who gets which certificate, where, and the rules of router and agents.
 
 All in one folder where everybody runs as one user; `apart`, a folder for each identity, where each process sees only
 its own (containers). Several systems may stand behind one router: then each system has a folder, and the certificates
@@ -79,17 +79,14 @@ def issue(
     days: float = keys.DAYS,
     hosts: Sequence[str] = keys.HOSTS,
     apart: bool = False,
-    direct: bool = False,
     keep_days: float | None = None,
     now: dt.datetime | None = None,
 ) -> Issued:
-    """Make all keys of the systems, or keep what still holds for `keep_days`. `direct`: agents listen, too, and have
-    rules for their neighbours. Raises OSError.
-    """
+    """Make all keys of the systems, or keep what still holds for `keep_days`. Raises OSError."""
     begin = now or dt.datetime.now(dt.UTC)
     places = seats(folder, design, systems, apart=apart)
-    rights = Rights(tuple(systems), access_control(design, *systems, direct=direct))
-    links = _links(design, systems) if direct else {}
+    rights = Rights(tuple(systems), access_control(design, *systems))
+    links = _links(design, systems)
     until = None if keep_days is None else holding(places, rights, hosts, links)
     kept = until is not None and keep_days is not None and until >= begin + dt.timedelta(days=keep_days)
     if until is None or not kept:
@@ -133,15 +130,13 @@ def _make(
         keys.publish(seat.folder, issuer, rights if routes else None)
         listening = hosts if routes or seat.name in links else ()
         if seat.name in links:
-            write_secret(links_file(seat.folder, seat.identity), _encoded(links[seat.name]))
-        else:
-            links_file(seat.folder, seat.identity).unlink(missing_ok=True)
+            write_secret(links_file(seat.folder, seat.identity), msgspec.json.encode(links[seat.name]))
         keys.issue(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=seat.name in links)
     return end
 
 
 def revoke(folder: Path, name: str, *, undo: bool = False) -> tuple[str, ...]:
-    """Deny the common name every right at each router and linked agent whose keys lie in the folder.
+    """Deny the common name every right at each router and agent whose keys lie in the folder.
 
     Return all that are denied. Raise KeysError where no router's keys are there, or it knows no such name. `undo`:
     grant them again.
@@ -166,7 +161,7 @@ def holding(
     """Until when all that is there holds; None where something lacks, or is of another authority, system or design, or
     where key identifiers lack, as in certificates of older versions, which Python 3.13 refuses.
 
-    `links`: rules of agents that are linked directly, by common name; {}: there shall be none.
+    `links`: the agents' rules, by common name.
     """
     try:
         authorities = {(seat.folder / AUTHORITY).read_bytes() for seat in places}
@@ -175,7 +170,9 @@ def holding(
         routers = [seat.folder for seat in places if seat.identity == ROUTER]
         wanted = msgspec.json.decode(msgspec.json.encode(rights), type=Rights)
         same = all(rights_of(where, *rights.systems) == wanted for where in routers)
-        same = same and all(_linked(seat) == _encoded(links.get(seat.name)) for seat in places)
+        for seat in (one for one in places if one.name in links):
+            rules = links_file(seat.folder, seat.identity).read_bytes()
+            same = same and rules == msgspec.json.encode(links[seat.name])
         (issuer,) = map(x509.load_pem_x509_certificate, authorities)
         signed = all(_signed(one, issuer) and _named(one) == seat.name for seat, one in found)
         identified = all(_identified(one) for one in (issuer, *(certificate for _, certificate in found)))
@@ -186,16 +183,6 @@ def holding(
     if not (there and same and signed and identified and listens):
         return None
     return min(one.not_valid_after_utc for one in (issuer, *(certificate for _, certificate in found)))
-
-
-def _linked(seat: Seat) -> bytes:
-    """Return the rules of an agent for its neighbours, as they stand there; b"": there are none."""
-    file = links_file(seat.folder, seat.identity)
-    return file.read_bytes() if file.exists() else b""
-
-
-def _encoded(rights: Rights | None) -> bytes:
-    return b"" if rights is None else msgspec.json.encode(rights)
 
 
 def lifetime(file: Path) -> tuple[dt.datetime, dt.datetime]:

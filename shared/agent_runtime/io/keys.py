@@ -1,7 +1,7 @@
 """Certificates of a fleet: an authority and one certificate per identity, short-lived, renewed rather than revoked.
 
 The common name (CN) of a certificate is the identity that the router's rights name; only certificates of the
-router and of linked agents name hosts. The authority's private key is never written: who needs one more certificate
+router and of agents name hosts. The authority's private key is never written: who needs one more certificate
 makes all of them again. Elliptic keys (P-256, RFC 5480) because rustls, which Zenoh uses, takes them and a handshake
 stays short.
 """
@@ -69,7 +69,7 @@ def issue(
 ) -> None:
     """Write certificate and private key of an identity; with `hosts` it may listen there, else only connect.
 
-    `name`: the common name, where it is not the identity. `joins`: who listens may connect, too (linked agents).
+    `name`: the common name, where it is not the identity. `joins`: who listens may connect, too (agents).
     """
     key = ec.generate_private_key(ec.SECP256R1())
     uses = ([_SERVER, _CLIENT] if joins else [_SERVER]) if hosts else [_CLIENT]

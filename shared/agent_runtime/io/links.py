@@ -35,13 +35,15 @@ class Links:
         linked = [peer for peer in wiring.peers if peer not in wiring.groups]
         unknown = [name for name in (wiring.agent, *linked) if name not in options.agents]
         if unknown:
+            there = ", ".join(options.agents) or "none"
             raise NoEndpointError(
-                f"{AGENTS_VARIABLE} has no endpoint of {', '.join(unknown)}; it has {', '.join(options.agents)}, and"
-                f" {wiring.agent} is linked with {', '.join(linked)}"
+                f"{AGENTS_VARIABLE} has no endpoint of {', '.join(unknown)}; it has {there}, and"
+                f" {wiring.agent} is linked with {', '.join(linked)}: `roco up` tells each agent, else set"
+                f" {AGENTS_VARIABLE}={wiring.agent}=tls/HOST:PORT,..."
             )
         self._keys, self._name = options.keys, wiring.agent
         self.at = options.listen or options.agents[wiring.agent]
-        self._neighbours = tuple(options.agents[peer] for peer in linked)
+        self._neighbours = tuple(dict.fromkeys(options.agents[peer] for peer in linked))
         self._age: object = None
         self._settings()
 
@@ -70,8 +72,11 @@ class Links:
 class Joining:
     """Joins the router of the tools beside the agent's work: tried at once, then in a thread until it is there."""
 
-    def __init__(self, options: Options, name: str, join: Callable[[zenoh.Session], None]) -> None:
-        self._options, self._join = options, join
+    def __init__(
+        self, options: Options, name: str, join: Callable[[zenoh.Session], None], told: Callable[[str], None]
+    ) -> None:
+        """`told`: gets the reason where it takes longer, and again where it is another one."""
+        self._options, self._join, self._told = options, join, told
         self._tls = client_tls(options.keys, name) if options.keys else None
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._try, args=(self._ended.is_set,), name="join", daemon=True)
@@ -80,7 +85,7 @@ class Joining:
             self._thread.start()
 
     def _try(self, give_up: Callable[[], bool]) -> bool:
-        session = open_client(self._options.connect, give_up, tls=self._tls)
+        session = open_client(self._options.connect, give_up, tls=self._tls, told=self._told)
         if session is not None:
             self._join(session)
         return session is not None

@@ -14,22 +14,21 @@ USAGE_ERROR = 2
 class Linking(StrEnum):
     """Ways by which agents reach each other."""
 
-    ROUTER = "router"
     DIRECT = "direct"
     UNIX = "unix"
 
 
 HOW_LINKED = (
-    "direct: agents are linked with each other, and the router is for tools alone. unix: the same, by sockets of this"
-    " host, without TLS: for a machine with a single user. router: they meet at the router."
+    "direct: agents are linked with each other by TLS. unix: by sockets of this host, without TLS, for a machine with a"
+    " single user."
 )
 """The help of the option `--links`."""
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
-    """`agents`: where each agent is reached, if they are linked with each other; {}: they meet at the router.
+    """`agents`: where each agent is reached by its neighbours.
 
-    `connect`: the router's endpoint; `listen`: where a router or a linked agent itself listens, of a router several
+    `connect`: the router's endpoint; `listen`: where a router or an agent itself listens, of a router several
     with a comma between; "": a router at `connect`, an agent where `agents` has it; `run_dir`: files of this run.
 
     `systems`: of a router or recorder that serves several robots, else () and `system` alone. `speed`: "1"

@@ -18,7 +18,7 @@ from agent_runtime.core.errors import RuntimeFault
 AUTHORITY = "authority.pem"
 RIGHTS = "rights.json"
 LINKS = ".links.json"
-"""After the name of an agent: its rules for its neighbours, where agents are linked directly."""
+"""After the name of an agent: its rules for its neighbours."""
 REVOKED = "revoked.json"
 ROUTER = "router"
 SEND_BUFFER_BYTES = 1_000_000

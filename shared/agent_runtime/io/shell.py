@@ -33,7 +33,7 @@ from agent_runtime.core.events import (
     Tick,
 )
 from agent_runtime.core.inside import STEPS, looked_into
-from agent_runtime.core.peers import GRACE_S, Peers
+from agent_runtime.core.peers import Peers
 from agent_runtime.core.recent import preceding
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
@@ -48,14 +48,13 @@ from agent_runtime.io.floods import Floods
 from agent_runtime.io.floor import Failed, Floor
 from agent_runtime.io.full_disk import FullDisk
 from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.incoming import Bytes, OrderBytes, Ping, ReceiptBytes, RouterSeen, Token
+from agent_runtime.io.incoming import Bytes, OrderBytes, Ping, ReceiptBytes, Token
 from agent_runtime.io.journal import Journal, journal_file, new_name
 from agent_runtime.io.links import Joining, Links
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import make_run
-from agent_runtime.io.secured import KeysError, client_tls
-from agent_runtime.io.sessions import open_client
+from agent_runtime.io.secured import KeysError
 from agent_runtime.io.steplog import StepLog
 from agent_runtime.io.zenoh_wire import ZenohWire
 
@@ -80,21 +79,20 @@ class Shell:
     def __init__(self, agent: Agent[Any], wiring: Wiring, options: Options, device: DeviceMaker | None = None) -> None:
         """Opens files, takes the journal; nothing is sent before `run`.
 
-        Raises JournalError where another process has the journal, KeysError where keys are missing, OSError where the
-        disk takes nothing.
+        Raises JournalError where another process has the journal, KeysError where keys are missing, NoEndpointError
+        where nobody told where neighbours are, OSError where the disk takes nothing.
         """
         self.name = agent.name
         self._options, run = options, options.run_dir
         make_run(run)
-        self._tls = client_tls(options.keys, self.name) if options.keys else None
-        self._links = Links(options, wiring) if options.agents else None
+        self._links = Links(options, wiring)
         self._joining: Joining | None = None
         self.log = Log(agent.name, options.log_level, run / "logs" / f"{agent.name}.jsonl")
         self._disk = FullDisk(self.log)
         self._stop: Stop | None = None
         self._core = Core(agent, wiring)
         self._inbox = Inbox()
-        self._peers = Peers(wiring.peers, 0.0 if options.agents else GRACE_S)
+        self._peers = Peers(wiring.peers)
         self._unheard = Watch(wiring)
         self._journal = Journal(journal_file(run, agent.name))
         self._maker = device
@@ -155,14 +153,13 @@ class Shell:
         session = self._session(lambda: self._stop_came(stopping))
         if session is None:
             return
-        state, direct = self._state, self._links is not None
+        state = self._state
         self._wire = ZenohWire(
-            session, self._core.wiring, state.incarnation, self._floor, state.journal, self._steps.path, direct=direct
+            session, self._core.wiring, state.incarnation, self._floor, state.journal, self._steps.path
         )
-        if direct:
-            self._joining = Joining(self._options, self.name, self._wire.join)
+        self._joining = Joining(self._options, self.name, self._wire.join, self._router_away)
         self._wire.knows(self._state.journals)
-        self._peers.router(True, clock.now())
+        self._peers.links(True, clock.now())
         if self._maker is not None:
             self._device = self._maker(Desk(self._floor, self._wire))
         first = self._state.incarnation == 1
@@ -190,10 +187,7 @@ class Shell:
                 self._on_time()
 
     def _session(self, stop_came: Callable[[], bool]) -> zenoh.Session | None:
-        """Return the session with the neighbours, or with the router at which they meet; None where a stop came."""
-        if self._links is None:
-            self.log.write("waiting for the router", at=self._options.connect)
-            return open_client(self._options.connect, stop_came, tls=self._tls, told=self._not_reached)
+        """Return the session with the neighbours; None where a stop came."""
         told = ""
         while not stop_came():
             try:
@@ -210,7 +204,7 @@ class Shell:
 
     def _link_again(self) -> None:
         """Open the links anew where the keys were renewed, or one was revoked."""
-        if self._links is None or self._wire is None or not self._links.stale:
+        if self._wire is None or not self._links.stale:
             return
         self.log.write("the keys were renewed, or one was revoked")
         self._linked(up=False)
@@ -222,14 +216,14 @@ class Shell:
 
     def _linked(self, *, up: bool) -> None:
         """Tell that the session with the others opened, or closed: all tokens come again."""
-        for lost_or_back in self._peers.router(up, clock.now()):
+        for lost_or_back in self._peers.links(up, clock.now()):
             self._changed(lost_or_back)
 
-    def _not_reached(self, why: str) -> None:
-        self.log.write("still waiting for the router", level="warning", why=why)
+    def _router_away(self, why: str) -> None:
+        self.log.write("no router", level="warning", at=self._options.connect, why=why)
 
     def _stop_came(self, stopping: list[Stop]) -> bool:
-        """Whether a signal came while no router was reached yet; asked for each try."""
+        """Whether a signal came while it does not listen yet; asked for each try."""
         if self._beat_at <= clock.now():
             self._beat_at = clock.now() + HEARTBEAT_S
             self._beat()
@@ -309,8 +303,6 @@ class Shell:
             case Token():
                 for change in self._peers.token(item.agent, item.incarnation, item.alive, clock.now(), item.journal):
                     self._changed(change)
-            case RouterSeen(up=up):
-                self._linked(up=up)
             case Ping():
                 self._pinged(item)
 
@@ -400,8 +392,9 @@ class Shell:
     def _beat(self) -> None:
         """Say what the agent is at: file, key, and once it is ready the file that says so."""
         trouble, level = self._disk.why or self._diary.trouble, self._state.now_set.level or self._options.log_level
+        up, ready = self._wire is not None and self._wire.at_router, not self._unanswered
         beat = heartbeat.now(
-            self._state, self._peers, self._unheard.now, self._inbox.dropped, not self._unanswered, level, trouble
+            self._state, self._peers, up, self._unheard.now, self._inbox.dropped, ready, level, trouble
         )
         whole = msgspec.structs.replace(beat, inside=looked_into(self._state, self._steps_done))
         heartbeat.write(self._options.run_dir, whole, beat)

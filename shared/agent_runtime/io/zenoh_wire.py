@@ -1,9 +1,9 @@
 """The wire of one agent over sessions of Zenoh: it hands on what it hears, and sends.
 
 Every communicate is a put on its own key; receipts, pings and pongs are puts beside them; a liveliness token says
-which incarnation of the agent is alive. All this goes to the neighbours: directly, or by the router. What is for tools
-(the state, samples for people, the log) goes by the router, and orders come from there. A process that speaks for a
-group of the design is connected to the router.
+which incarnation of the agent is alive. All this goes to the neighbours, with which the agent is linked. What is for
+tools (the state, samples for people, the log) goes by the router, and orders come from there. A process that speaks for
+a group of the design is connected to the router.
 """
 
 from collections.abc import Collection, Mapping
@@ -19,7 +19,7 @@ from agent_runtime.core.control import KIND
 from agent_runtime.core.effects import Receipt
 from agent_runtime.core.wiring import Delivery, Wiring, life, parse_life, service_key
 from agent_runtime.io.inbox import Class
-from agent_runtime.io.incoming import NAMELESS, Bytes, OrderBytes, Ping, ReceiptBytes, RouterSeen, Token
+from agent_runtime.io.incoming import NAMELESS, Bytes, OrderBytes, Ping, ReceiptBytes, Token
 from agent_runtime.io.log_sender import KIND as LOG
 from agent_runtime.io.log_sender import WANTED, LogSender
 from agent_runtime.io.message_size import put
@@ -50,7 +50,7 @@ class Entrance(Protocol):
 
 
 class ZenohWire:
-    """The session of one agent. All callbacks put into `inbox` and return.
+    """The sessions of one agent. All callbacks put into `inbox` and return.
 
     What is numbered or kept, and receipts, have the names of both journals attached: "own/peer's".
     """
@@ -63,16 +63,13 @@ class ZenohWire:
         inbox: Entrance,
         journal: str = "",
         log: Path | None = None,
-        *,
-        direct: bool = False,
     ) -> None:
         """Declare what the agent listens to, then its token, with the name of its journal.
 
-        `session`: at the router, or (`direct`) linked with the neighbours: then `join` gives the one at the router.
-        `log`: its step log, for a recorder that cannot read it.
+        `session`: linked with the neighbours; `join` gives the one at the router. `log`: its step log, for a recorder
+        that cannot read it.
         """
-        self._wiring, self._inbox, self._direct = wiring, inbox, direct
-        self._groups = wiring.groups if direct else frozenset()
+        self._wiring, self._inbox = wiring, inbox
         self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr | str, Any, Any, bool]] = {}
         self._known: dict[str, tuple[Class, tuple[str, ...], bool]] = {}
         self._channels = {
@@ -86,20 +83,13 @@ class ZenohWire:
         self._tools: zenoh.Session | None = None
         self._orders: list[Any] = []
         self._declared: list[Any] = []
-        if not direct:
-            # Nothing is put by these. A router keeps the way of a key that somebody declared a publisher on, and finds
-            # that of any other again each time: a tenth of a way there and back. The sender's own would do as well, but
-            # they drop what they put until the router tells of a subscriber, which no agent has the right to learn.
-            self._declared += [session.declare_publisher(key) for key in wiring.heard_keys()]
-            self._declared.append(session.info.declare_transport_events_listener(self._on_transport, history=True))
-            self.join(session)
         self.link(session)
 
     def link(self, session: zenoh.Session) -> None:
         """Hear the neighbours, and be alive to them, from now on in this session."""
         self._session, self._routes = session, {}
         self._declared += [
-            *self._heard(session, set(self._wiring.peers) - self._groups, "*"),
+            *self._heard(session, set(self._wiring.peers) - self._wiring.groups, "*"),
             session.liveliness().declare_token(self._life),
         ]
 
@@ -129,9 +119,14 @@ class ZenohWire:
         self._orders = [
             session.declare_subscriber(service_key(system, KIND, "*", me), self._on_order),
             session.declare_subscriber(service_key(system, WANTED, "*", me), self._on_wanted),
-            *([session.liveliness().declare_token(self._life)] if self._direct else []),
-            *(one for group in sorted(self._groups) for one in self._heard(session, {group}, group)),
+            session.liveliness().declare_token(self._life),
+            *(one for group in sorted(self._wiring.groups) for one in self._heard(session, {group}, group)),
         ]
+
+    @property
+    def at_router(self) -> bool:
+        """Whether the session for tools is connected."""
+        return self._tools is not None and not self._tools.is_closed() and bool(self._tools.info.routers_zid())
 
     # --- out ----------------------------------------------------------------------------------------------------------
 
@@ -160,7 +155,7 @@ class ZenohWire:
         """Key and priorities. One for a whole stream: an overtaking message would only be dropped as a gap."""
         link = self._wiring.required(communicate.receiver, communicate.protocol)
         key: zenoh.KeyExpr | str = self._wiring.key(communicate)
-        if communicate.receiver not in self._groups:
+        if communicate.receiver not in self._wiring.groups:
             key = self._session.declare_keyexpr(key)
         if link.delivery is Delivery.DURABLE:
             return key, _FIRST, _FIRST, True
@@ -190,7 +185,7 @@ class ZenohWire:
         if self._sender is not None:
             self._sender.close()
         close(self._session)
-        if self._tools is not None and self._tools is not self._session:
+        if self._tools is not None:
             close(self._tools)
         self._declared.clear()
         self._orders.clear()
@@ -198,8 +193,8 @@ class ZenohWire:
     def _put(
         self, peer: str, key: zenoh.KeyExpr | str, data: bytes, priority: Any, attached: bytes | None = None
     ) -> None:
-        session = self._tools if peer in self._groups else self._session
-        if session is None or (self._direct and session.is_closed()):  # it is said again once it is open
+        session = self._tools if peer in self._wiring.groups else self._session
+        if session is None or session.is_closed():  # it is said again once it is open
             return
         if attached is None:
             put(session, key, data, priority=priority, congestion_control=_BLOCK)
@@ -264,9 +259,6 @@ class ZenohWire:
             incarnation, journal = found
             alive = sample.kind == zenoh.SampleKind.PUT
             self._inbox.put(Class.LIFE, Token(agent, incarnation, alive, journal), agent)
-
-    def _on_transport(self, event: zenoh.TransportEvent) -> None:
-        self._inbox.put(Class.OWN, RouterSeen(event.kind == zenoh.SampleKind.PUT))
 
 
 def _attachment(sample: zenoh.Sample) -> Attached:

@@ -1,11 +1,12 @@
 """Other agents played from a script: to one real agent its peers are there, hear and receipt it, and say what they are
 told to.
 
-One session for all of them: they have tokens, answer pings and number their durable streams, but no behaviour, no
-memory and no journal. `Stage` is the router it all happens on: nobody else's.
+One session is linked with the agent for all of them; groups speak at the router. They have tokens, answer pings and
+number their durable streams, but no behaviour, no memory and no journal. `Stage` is the router: nobody else's.
 """
 
 import time
+from collections.abc import Iterator
 from queue import Empty
 from typing import Any
 
@@ -18,8 +19,8 @@ from agent_runtime.core.streams import RESEND_FIRST, parse_observation
 from agent_runtime.core.wiring import Delivery, Wiring, communicate_key, service_key
 from agent_runtime.io.message_size import put
 from agent_runtime.io.one_reader import OneReaderQueue
-from agent_runtime.io.sessions import free_endpoint, open_client, open_router
-from agent_runtime.testing.stand_in import StandInError
+from agent_runtime.io.sessions import free_endpoint, open_links, open_router
+from agent_runtime.testing.stand_in import opened
 from fipa_codec.communicate import UNREADABLE, Communicate, decode, encode, number_of
 from fipa_codec.errors import FipaError
 
@@ -44,11 +45,7 @@ class Stage:
         """Raises StandInError where no router answers in time, LivingError where agents live in this system."""
         self.system, self.endpoint = system, endpoint or free_endpoint()
         self._router = None if endpoint else open_router(self.endpoint)
-        until = time.monotonic() + patience_s
-        session = open_client(self.endpoint, lambda: time.monotonic() > until)
-        if session is None:
-            raise StandInError(f"nobody answers at {self.endpoint}", lives=False)
-        self._session = session
+        self._session = session = opened(self.endpoint, patience_s)
         self._born = OneReaderQueue[str]()
         self._watch = session.liveliness().declare_subscriber(service_key(system, "alive", "*", "*"), self._seen)
         there = tuple(sorted(set(self._tokens())))
@@ -78,29 +75,31 @@ class Stage:
 
 
 class Cast:
-    """The peers of the agent of `wiring`, at the router of `endpoint`."""
+    """The peers of the agent of `wiring`. `agents`: the endpoints with which that agent is to be started."""
 
-    def __init__(self, wiring: Wiring, endpoint: str, *, patience_s: float = 5.0) -> None:
-        """Raises StandInError where no router answers in time."""
-        until = time.monotonic() + patience_s
-        session = open_client(endpoint, lambda: time.monotonic() > until)
-        if session is None:
-            raise StandInError(f"nobody answers at {endpoint}", lives=False)
-        self._session, self._wiring = session, wiring
+    def __init__(self, wiring: Wiring, router: str, *, patience_s: float = 5.0) -> None:
+        """Raises StandInError where no router answers in time: the groups of a design speak there."""
+        at, own = free_endpoint(), free_endpoint()
+        self.agents = dict.fromkeys(wiring.peers, at) | {wiring.agent: own}
+        self._wiring = wiring
+        linked = open_links(at, (own,))
+        routed = opened(router, patience_s) if wiring.groups else linked
+        self._sessions = {peer: routed if peer in wiring.groups else linked for peer in wiring.peers}
         self._heard = OneReaderQueue[Communicate]()
         self._numbers = dict.fromkeys(wiring.peers, 0)
         self._taken = dict.fromkeys(wiring.peers, 0)
         self._outbox: dict[str, dict[int, tuple[str, bytes]]] = {peer: {} for peer in wiring.peers}
         self._known: set[tuple[str, str]] = set()
         self._due = 0.0
-        system, me = wiring.system, wiring.agent
-        tokens = [service_key(system, "alive", peer, FIRST_LIFE) for peer in wiring.peers]
-        self._declared: list[Any] = [
-            session.declare_subscriber(f"roco/{system}/*/{me}/*/*/*", self._on_said),
-            session.declare_subscriber(service_key(system, "ping", me, "*"), self._on_ping),
-            session.declare_subscriber(service_key(system, "receipt", me, "*"), self._on_receipt),
-            *(session.liveliness().declare_token(key) for key in tokens),
-        ]
+        self._declared = [one for peer in wiring.peers for one in self._heard_as(peer)]
+
+    def _heard_as(self, peer: str) -> Iterator[Any]:
+        """Hear what the agent says to this peer, and be alive to it as the peer."""
+        system, me, session = self._wiring.system, self._wiring.agent, self._sessions[peer]
+        yield session.declare_subscriber(f"roco/{system}/*/{me}/{peer}/*/*", self._on_said)
+        yield session.declare_subscriber(service_key(system, "ping", me, peer), self._on_ping)
+        yield session.declare_subscriber(service_key(system, "receipt", me, peer), self._on_receipt)
+        yield session.liveliness().declare_token(service_key(system, "alive", peer, FIRST_LIFE))
 
     def say(self, communicate: Communicate) -> Communicate:
         """Say it as its sender, with the next number where its stream is durable; what was said.
@@ -120,7 +119,7 @@ class Cast:
         if link.delivery is Delivery.DURABLE:
             self._outbox[peer][self._numbers[peer]] = (key, data)
             self._due = time.monotonic() + RESEND_FIRST
-        self._put(key, data)
+        self._put(peer, key, data)
         return one
 
     def hear(self, timeout_s: float) -> Communicate | None:
@@ -140,7 +139,8 @@ class Cast:
 
     def close(self) -> None:
         """Leave; the tokens vanish."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        for session in set(self._sessions.values()):
+            session.close()  # type: ignore[no-untyped-call]
 
     def _fresh(self, one: Communicate) -> bool:
         """Whether it is the next of its stream, or none of a stream; receipts what wants a receipt."""
@@ -163,17 +163,17 @@ class Cast:
 
     def _receipt(self, peer: str, receipt: Receipt) -> None:
         key = service_key(self._wiring.system, "receipt", peer, self._wiring.agent)
-        self._put(key, msgspec.msgpack.encode(receipt))
+        self._put(peer, key, msgspec.msgpack.encode(receipt))
 
     def _resend(self) -> None:
         if time.monotonic() >= self._due:
-            for sent in self._outbox.values():
+            for peer, sent in self._outbox.items():
                 for key, data in list(sent.values()):
-                    self._put(key, data)
+                    self._put(peer, key, data)
             self._due = time.monotonic() + RESEND_FIRST
 
-    def _put(self, key: str, data: bytes) -> None:
-        put(self._session, key, data, congestion_control=zenoh.CongestionControl.BLOCK)
+    def _put(self, peer: str, key: str, data: bytes) -> None:
+        put(self._sessions[peer], key, data, congestion_control=zenoh.CongestionControl.BLOCK)
 
     # --- on Zenoh's threads -------------------------------------------------------------------------------------------
 
@@ -185,7 +185,7 @@ class Cast:
 
     def _on_ping(self, sample: zenoh.Sample) -> None:
         peer = str(sample.key_expr).split("/")[5]
-        self._put(service_key(self._wiring.system, "pong", peer, self._wiring.agent), sample.payload.to_bytes())
+        self._put(peer, service_key(self._wiring.system, "pong", peer, self._wiring.agent), sample.payload.to_bytes())
 
     def _on_receipt(self, sample: zenoh.Sample) -> None:
         peer = str(sample.key_expr).split("/")[5]

@@ -57,7 +57,7 @@ class Voice:
 
         Raises StandInError where nobody answers in time.
         """
-        self._session = _opened(endpoint, patience_s, tls)
+        self._session = opened(endpoint, patience_s, tls)
         self._heard = OneReaderQueue[bytes]()
         self._declared = [
             self._session.declare_subscriber(key, lambda sample: self._heard.put(sample.payload.to_bytes()))
@@ -91,18 +91,18 @@ class StandIn:
         wiring: Wiring,
         start: str,
         run: Path,
-        at: str | Links,
+        links: Links,
         *,
         router: str = "",
         patience_s: float = 5.0,
         tls: dict[str, Any] | None = None,
     ) -> None:
-        """`at`: the router, or the agent's links with its neighbours; then groups are spoken to at the `router`.
+        """`links`: the agent's own; `router`: where groups of the design are spoken to, with the keys `tls`.
 
         Raises JournalError where the agent's process has the journal, StandInError where it lives elsewhere.
         """
         self._wiring, self._inbox, self._early = wiring, Inbox(), deque[Any]()
-        self._session = _opened(at, patience_s, tls) if isinstance(at, str) else _linked(at, wiring.agent)
+        self._session = _linked(links, wiring.agent)
         try:
             there = living(self._session, wiring.system, wiring.agent)
             if there:
@@ -114,16 +114,12 @@ class StandIn:
         self._record = _record(self._journal.last, wiring.agent, start)
         self._record.incarnation += 1
         self._keep()
-        direct = isinstance(at, Links)
-        self._wire = ZenohWire(
-            self._session, wiring, self._record.incarnation, self._inbox, self._record.journal, direct=direct
-        )
+        self._wire = ZenohWire(self._session, wiring, self._record.incarnation, self._inbox, self._record.journal)
         self._wire.knows(self._record.journals)
         self._due = 0.0
-        if direct and router and wiring.groups:
-            self._wire.join(_opened(router, patience_s, tls))
-        if direct:
-            self._meet(time.time() + LOOK_S)
+        if router and wiring.groups:
+            self._wire.join(opened(router, patience_s, tls))
+        self._meet(time.time() + LOOK_S)
 
     @property
     def incarnation(self) -> int:
@@ -268,7 +264,8 @@ def living(session: zenoh.Session, system: str, agent: str) -> list[int]:
     return [one[0] for one in lives if one is not None]
 
 
-def _opened(endpoint: str, patience_s: float, tls: dict[str, Any] | None) -> zenoh.Session:
+def opened(endpoint: str, patience_s: float, tls: dict[str, Any] | None = None) -> zenoh.Session:
+    """Return a session at a router, or with an agent. Raise StandInError where nobody answers in time."""
     until = time.monotonic() + patience_s
     session = open_client(endpoint, lambda: time.monotonic() > until, tls=tls)
     if session is None:

@@ -186,7 +186,7 @@ VERBS: Table = {
         "keys": (GROUP, "Certificates of a fleet, and the router's rules."),
         "keys make": (
             ".fleet.keys:make",
-            "Make an authority, a certificate per identity and the router's rules, all anew.",
+            "Make an authority, a certificate per identity and the rules of router and agents, all anew.",
         ),
         "keys revoke": (
             ".fleet.keys:revoke",

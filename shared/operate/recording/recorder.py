@@ -389,7 +389,7 @@ def _listen(options: Options, waiting: Waiting, say: Say) -> Tap | None:
         options,
         waiting.put,
         lambda: waiting.stopped,
-        told=lambda why: say("still waiting for the router", why=why),
+        told=lambda why: say("no router", why=why),
     )
     if tap is not None:
         (options.run_dir / f"{NAME}.ready").write_text("records")

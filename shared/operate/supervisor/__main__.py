@@ -37,8 +37,8 @@ def main(
         str,
         typer.Option(
             envvar=AGENTS_VARIABLE,
-            help="Endpoints of agents that are linked directly, as ex=tls/robot:7448,ta=tls/desk:7448: those elsewhere"
-            " and those that they talk to; others here get free ports.",
+            help="Endpoints of agents, as ex=tls/robot:7448,ta=tls/desk:7448: those elsewhere and those that they talk"
+            " to; others here get free ports.",
         ),
     ] = "",
     speed: Annotated[
@@ -89,8 +89,8 @@ def main(
             own = tuple(process.name for process in processes if process.name in bound.design.agents)
             given = Path(keys) if keys and not insecure else None
             away = elsewhere(bound.design, own, told)
-            direct, unix = links is not Linking.ROUTER, links is Linking.UNIX
-            if direct and (why_not := unlinkable(own, away, given, parted=bool(told) or not routing)):
+            unix = links is Linking.UNIX
+            if why_not := unlinkable(own, away, given, parted=bool(told) or not routing):
                 raise ValueError(why_not)
             if unix and (told or faults):
                 raise ValueError("--links unix goes with neither --agents nor --faults: sockets are of this host alone")
@@ -107,7 +107,7 @@ def main(
                 keys,
                 insecure=insecure,
                 here=routing,
-                agents=dict.fromkeys((*own, *away), "") | told if direct else {},
+                agents=dict.fromkeys((*own, *away), "") | told,
                 unix=unix,
                 days=key_days,
             )
@@ -161,7 +161,7 @@ def elsewhere(design: Design, own: tuple[str, ...], told: dict[str, str]) -> tup
 
 
 def unlinkable(own: tuple[str, ...], away: tuple[str, ...], keys: Path | None, *, parted: bool) -> str:
-    """Return why the agents `own` that are started here cannot be linked directly, "" where they can.
+    """Return why the agents `own` that are started here cannot be linked, "" where they can.
 
     `away`: their neighbours that nobody told of. `keys`: those that are given, None: they are made here, or there are
     none. `parted`: a part of the fleet is somewhere else.
@@ -170,10 +170,7 @@ def unlinkable(own: tuple[str, ...], away: tuple[str, ...], keys: Path | None, *
         return f"{', '.join(away)} would be elsewhere; --agents tells where agents elsewhere listen"
     without = [name for name in own if keys is not None and not links_file(keys, name).exists()]
     if without:
-        return (
-            f"{keys} has no rules of {', '.join(without)} for its neighbours; `roco keys make` makes keys that have,"
-            " and --links router needs none"
-        )
+        return f"{keys} has no rules of {', '.join(without)} for its neighbours; `roco keys make` makes keys that have"
     return ""
 
 

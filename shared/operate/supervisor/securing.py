@@ -45,7 +45,7 @@ class Keys:
 
     `own`: where the processes of this host meet; `listen`: where the router listens that is started here. One that
     others reach, too, has a listener on loopback for its own: a flood of handshakes locks the listener that it hits,
-    and no other. `agents`: where each agent is reached, where they are linked.
+    and no other. `agents`: where each agent is reached.
     """
 
     def __init__(
@@ -58,18 +58,18 @@ class Keys:
         *,
         insecure: bool,
         here: bool,
-        agents: Mapping[str, str] | None = None,
+        agents: Mapping[str, str],
         unix: bool = False,
         days: float = DAYS,
     ) -> None:
         """Begin to make them, where a router is started here and none are given.
 
         `connect`: the address asked for, "" for a free port here; `given`: a folder of keys that are there; `here`:
-        whether the router is started here; `agents`: those that are linked directly, each with its endpoint, "" for a
-        free port here, or with `unix` a socket in the run folder. ValueError where address and keys do not fit, or the
+        whether the router is started here; `agents`: each agent with its endpoint, "" for a free port here, or with
+        `unix` a socket in the run folder. ValueError where address and keys do not fit, or the
         name of a socket would be too long.
         """
-        self._design, self._system, self._days, self._direct = design, system, days, bool(agents)
+        self._design, self._system, self._days = design, system, days
         self._from, self._due = -float("inf"), float("inf")
         mine = here and not given and not insecure
         self.folder = run / KEYS_FOLDER if mine else Path(given).resolve() if given and not insecure else None
@@ -77,7 +77,7 @@ class Keys:
         self.address = connect or f"{scheme}127.0.0.1:{free_port()}"
         self.agents = {
             name: at or (socket_in(run, name) if unix else f"{scheme}127.0.0.1:{free_port()}")
-            for name, at in (agents or {}).items()
+            for name, at in agents.items()
         }
         self._fit()
         self.own = self.listen = self.address
@@ -149,7 +149,6 @@ class Keys:
             systems,
             days=self._days,
             hosts=hosts,
-            direct=self._direct,
             now=now,
         )
         until = made.until

@@ -20,8 +20,7 @@ def wired(
 ) -> tuple[tuple[Process, ...], dict[str, dict[str, str]]]:
     """Return the processes with the wires' own among them, and the variables that agents get apart; wires.json is told.
 
-    `connect`: the router's address; `agents`: those of agents that are linked with each other. Agents start after the
-    wires, and end before them.
+    `connect`: the router's address; `agents`: those of the agents. They start after the wires, and end before them.
     """
     link = connect.partition("/")[0]
     places = {name: files.place(address) for name, address in agents.items()}

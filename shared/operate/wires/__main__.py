@@ -66,7 +66,7 @@ def main() -> None:
     """Serve until a signal; ends the process."""
     cli.run(
         NAME,
-        "Forwards between agents and router, and between linked agents, and disturbs on demand.",
+        "Forwards between agents and router, and between agents, and disturbs on demand.",
         lambda o: asyncio.run(forward(o)),
     )
 

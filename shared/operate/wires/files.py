@@ -1,6 +1,6 @@
 """Files of the run folder by which supervisor, `roco fault` and the proxy communicate.
 
-wires.json: where the router and linked agents listen, and each agent's ports of the proxy; written by the supervisor.
+wires.json: where the router and agents listen, and each agent's ports of the proxy; written by the supervisor.
 NAME.KIND.wire: a condition of the wires of NAME while the file is there, its amount as text. The wires of an agent are
 all its links; those of the router are all agents' to it; those of a pair, such as co-pl, are the link of the two.
 """
@@ -18,7 +18,7 @@ WIRES_FILE, SUFFIX = "wires.json", ".wire"
 
 
 class Wires(msgspec.Struct, frozen=True):
-    """`ends`: where the router and linked agents listen (host, port); `ports`: agent -> end -> where the proxy listens,
+    """`ends`: where the router and agents listen (host, port); `ports`: agent -> end -> where the proxy listens,
     at `bind`.
     """
 
@@ -67,7 +67,7 @@ def told(run: Path) -> Wires | None:
 def listed(connect: str, agents: Mapping[str, str], listen: str) -> Wires | None:
     """Return the wires that variables tell, as in containers; None where `listen` names no agent.
 
-    `connect`: the router's endpoint; `agents`: those of linked agents; `listen`: of each agent the ports of the proxy
+    `connect`: the router's endpoint; `agents`: those of agents; `listen`: of each agent the ports of the proxy
     by which it reaches the router and its neighbours, `hi@0.0.0.0:router=7511+co=7512,co@...`. ValueError: a port is
     not a number.
     """

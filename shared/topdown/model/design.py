@@ -199,8 +199,9 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         )
 
     def keys_to(self, system: str, receiver: str) -> str:
-        """The key expression (with wildcards) of everything said to an agent."""
-        self.agent(receiver)
+        """The key expression (with wildcards) of everything said to an agent, or to a group."""
+        if receiver not in {group.name for group in self.file.group}:
+            self.agent(receiver)
         return self.file.system.key.format(
             system=system, channel="*", sender="*", receiver=receiver, protocol="*", performative="*"
         )

@@ -5,7 +5,10 @@ performative) and hear exactly what is said to it; of samples that are not commu
 the design has it among the writers, and read where it is among the readers. What names a peer in its key goes to that
 peer, and to readers that are not agents. Nobody queries and nobody answers queries: requests are communicates.
 
-An identity is the common name (CN) of a certificate. The router compares it with the sender in the key, and the
+What agents say to each other goes by their own link: there the receiving agent's rules decide. All else, also what is
+said to a group of a design, goes by the router, whose rules decide.
+
+An identity is the common name (CN) of a certificate. Who decides compares it with the sender in the key, and the
 receiving agent compares the key with the sender in the communicate: so a sender is who holds the private key of that
 name. Nothing here knows a certificate or a router.
 """
@@ -59,9 +62,9 @@ class Family(msgspec.Struct, frozen=True, order=True):
 
 
 def identities(design: Design) -> tuple[str, ...]:
-    """Return agents, then other readers and writers, then the router: each has a certificate of its own."""
+    """Return agents and groups that speak, other readers and writers, and the router: each has its own certificate."""
     others = [name for signal in design.signals.values() for name in (*signal.writers, *signal.readers)]
-    return tuple(dict.fromkeys([*design.agents, *design.file.system.recorders, *others, ROUTER]))
+    return tuple(dict.fromkeys([*_speakers(design), *design.file.system.recorders, *others, ROUTER]))
 
 
 def families(design: Design, system: str) -> tuple[Family, ...]:
@@ -79,25 +82,39 @@ def families(design: Design, system: str) -> tuple[Family, ...]:
     return (*said, *(family for signal in design.signals.values() for family in _of_signal(design, system, signal)))
 
 
-def rights(design: Design, system: str, *, direct: bool = False) -> tuple[Right, ...]:
-    """Every allowed cell; what is not here is denied. `direct`: without what agents say to each other."""
-    found: list[Right] = []
-    for family in families(design, system):
-        if direct and {family.owner, family.peer} <= set(design.agents):
-            continue
+def _speakers(design: Design) -> tuple[str, ...]:
+    """Return the agents, and the groups that say or hear a communicate."""
+    ends = sorted(name for rule in design.rules.values() for name in (rule.sender, rule.receiver))
+    return tuple(dict.fromkeys((*design.agents, *ends)))
+
+
+def routed(design: Design, family: Family) -> bool:
+    """Whether keys of a family go by the router: they are not of two agents, which are linked with each other."""
+    return not {family.owner, family.peer} <= set(design.agents)
+
+
+def rights(design: Design, system: str) -> tuple[Right, ...]:
+    """Every allowed cell; what is not here is denied."""
+    return _allowed(design, families(design, system))
+
+
+def _allowed(design: Design, found: Sequence[Family]) -> tuple[Right, ...]:
+    cells: list[Right] = []
+    for family in found:
         write, read = (Action.TOKEN, Action.WATCH) if family.token else (Action.PUT, Action.SUBSCRIBE)
-        found.append(Right(family.owner, write, family.key))
-        found += [Right(name, read, family.key) for name in _hearers(design, family)]
-    return tuple(sorted(set(found)))
+        cells.append(Right(family.owner, write, family.key))
+        cells += [Right(name, read, family.key) for name in _hearers(design, family)]
+    return tuple(sorted(set(cells)))
 
 
 def common_names(design: Design, systems: Sequence[str]) -> dict[str, tuple[tuple[str, str], ...]]:
     """The common name (CN) of each certificate, and as whom it counts: (identity, system) pairs.
 
-    One system: the CN is the identity. Several behind one router: an agent's CN is `<system>.<identity>`, so that the
-    two of a name are told apart; another identity (router, recorders, readers) is one for all systems.
+    One system: the CN is the identity. Several behind one router: the CN of an agent or a group is
+    `<system>.<identity>`, so that the two of a name are told apart; another identity (router, recorders, readers) is
+    one for all systems.
     """
-    several = set(design.agents) if len(systems) > 1 else set()
+    several = set(_speakers(design)) if len(systems) > 1 else set()
     found: dict[str, list[tuple[str, str]]] = {}
     for system in systems:
         for identity in identities(design):
@@ -106,26 +123,28 @@ def common_names(design: Design, systems: Sequence[str]) -> dict[str, tuple[tupl
     return {name: tuple(pairs) for name, pairs in found.items()}
 
 
-def access_control(design: Design, *systems: str, direct: bool = False) -> dict[str, Any]:
+def access_control(design: Design, *systems: str) -> dict[str, Any]:
     """The part `access_control` of a Zenoh router's configuration (1.10): subjects are common names of certificates.
 
     Directions are the router's: ingress is what a client sends. A subscription may have wildcards (`_ears`); what then
     reaches the subscriber are only the keys that it has a right to. Subscriptions of others are told to no agent, so a
-    publisher cannot learn who listens. `direct`: agents are linked with each other, and nothing that they say to each
-    other passes here.
+    publisher cannot learn who listens.
     """
+    cells = {
+        system: _allowed(design, [one for one in families(design, system) if routed(design, one)]) for system in systems
+    }
     holders = common_names(design, systems)
-    return _control({name: list(_rules(design, name, pairs, direct=direct)) for name, pairs in holders.items()})
+    return _control({name: list(_rules(design, cells, name, pairs)) for name, pairs in holders.items()})
 
 
 def links_control(design: Design, system: str, agent: str, names: dict[str, str]) -> dict[str, Any]:
-    """The part `access_control` of the configuration of an agent that is linked with its neighbours (Zenoh 1.10).
+    """The part `access_control` of the configuration of an agent's links with its neighbours (Zenoh 1.10).
 
     A neighbour may put what the design lets it say to this agent, hear what this agent says to it, and see this agent's
     token; everything else is denied, also to clients that a neighbour forwards for. `names`: identity -> common name.
     """
-    every = families(design, system)
-    ways = ((one, _linked(design, system, every, agent, one, names[one])) for one in sorted(design.peers(agent)))
+    every, near = families(design, system), sorted(set(design.peers(agent)) & set(design.agents))
+    ways = ((one, _linked(design, system, every, agent, one, names[one])) for one in near)
     rules = {names[one]: list(found) for one, found in ways}
     return _control(rules)
 
@@ -160,12 +179,12 @@ def _linked(
 
 
 def _rules(
-    design: Design, name: str, pairs: tuple[tuple[str, str], ...], *, direct: bool = False
+    design: Design, cells: dict[str, tuple[Right, ...]], name: str, pairs: tuple[tuple[str, str], ...]
 ) -> Iterator[dict[str, Any]]:
     keys: dict[Action, list[str]] = {action: [] for action in Action}
     ears: dict[Action, list[str]] = {Action.SUBSCRIBE: [], Action.WATCH: []}
     for identity, system in pairs:
-        for right in rights(design, system, direct=direct):
+        for right in cells[system]:
             if right.identity == identity:
                 keys[Action(right.action)].append(right.key)
         for action, wide in _ears(design, system, identity).items():
@@ -193,7 +212,7 @@ def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> Iterato
 def _ears(design: Design, system: str, identity: str) -> dict[Action, list[str]]:
     """The widest key expressions an identity may declare: a declaration must lie within one of them."""
     ears: dict[Action, list[str]] = {Action.SUBSCRIBE: [], Action.WATCH: []}
-    if identity in design.agents:
+    if identity in _speakers(design):
         ears[Action.SUBSCRIBE].append(design.keys_to(system, identity))
     if identity in design.file.system.recorders:
         ears[Action.SUBSCRIBE].append(_all_of(design, system))
@@ -220,7 +239,11 @@ def _is_token(signal: Signal) -> bool:
 
 
 def _hearers(design: Design, family: Family) -> tuple[str, ...]:
-    """Return the identities that may hear it: of a communicate its receiver and the recorders, else the readers."""
+    """Return the identities that may hear it: what goes by a link its receiver; of a communicate that goes by the
+    router the receiver and the recorders, else the readers.
+    """
+    if not routed(design, family):
+        return (family.peer,)
     if family.act:
         return (family.peer, *design.file.system.recorders)
     readers = design.signals[family.what].readers

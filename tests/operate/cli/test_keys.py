@@ -38,7 +38,7 @@ def test_each_identity_gets_its_own_for_as_long_as_asked(tmp_path: Path) -> None
 def test_the_rights_beside_them_are_the_designs(tmp_path: Path) -> None:
     """For the system that is named."""
     assert RUN.invoke(app, ["keys", "make", str(tmp_path), "--system", "velma1"]).exit_code == 0
-    made = Rights(("velma1",), access_control(DESIGN, "velma1", direct=True))
+    made = Rights(("velma1",), access_control(DESIGN, "velma1"))
     wanted = msgspec.json.decode(msgspec.json.encode(made), type=Rights)
     assert rights_of(tmp_path, "velma1") == wanted
 

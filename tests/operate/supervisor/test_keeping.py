@@ -161,7 +161,7 @@ def test_the_fork_server_of_a_dead_supervisor_is_ended_too(run: Path, start: Sta
 def test_status_names_a_certificate_that_does_not_hold(run: Path, start: Start, tmp_path: Path, hours: int) -> None:
     """One that has ended, or begins only later; doctor names it, too."""
     made = dt.datetime.now(dt.UTC) + dt.timedelta(hours=hours)
-    issue(tmp_path / "keys", DESIGN, ("roco",), direct=True, now=made)
+    issue(tmp_path / "keys", DESIGN, ("roco",), now=made)
     supervisor = start("services.supervisor", "--only", "router,ta", "--keys", str(tmp_path / "keys"))
     until(lambda: supervisor.poll() is None and (run / "ta.heartbeat.json").exists())
     for verb in ("status", "doctor"):

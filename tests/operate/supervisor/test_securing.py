@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 def keys(run: Path, connect: str = "", given: str = "", *, insecure: bool = False, router: bool = True) -> Keys:
     """As the command line asks for them, once they are there."""
-    found = Keys(run, SYSTEM.design, "velma7", connect, given, insecure=insecure, here=router)
+    found = Keys(run, SYSTEM.design, "velma7", connect, given, insecure=insecure, here=router, agents={})
     found.made()
     return found
 

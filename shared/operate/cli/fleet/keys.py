@@ -1,5 +1,5 @@
-"""`roco keys make`: certificates for every identity of a design, and the rules of the router and of linked agents; all
-expires in a week.
+"""`roco keys make`: certificates for every identity of a design, and the rules of router and agents; all expires in a
+week.
 
 `roco keys revoke`: the router denies all to the name of a stolen key, until there are new keys for all.
 """
@@ -11,7 +11,6 @@ import msgspec
 import typer
 
 from agent_runtime.io import issuing, keys
-from agent_runtime.io.options import Linking
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import RIGHTS, KeysError
 from operate.cli import completion
@@ -41,29 +40,22 @@ def make(
     keep: Annotated[
         float | None, typer.Option(metavar="DAYS", help="Leave all as it is where it holds so many days more.")
     ] = None,
-    links: Annotated[
-        Linking,
-        typer.Option(
-            help="direct: agents are linked with each other; their keys let them listen. router: they do not."
-        ),
-    ] = Linking.DIRECT,
     form: Form = Format.TEXT,
 ) -> None:
-    """Make an authority, a certificate per identity and the router's rules, all anew.
+    """Make an authority, a certificate per identity and the rules of router and agents, all anew.
 
-    A process needs authority.pem and its own two files; the router rights.json, too, a linked agent its
-    <name>.links.json. The authority's private key is forgotten. Exits with 1 where they cannot be written, with 2 where
-    there is no such design.
+    A process needs authority.pem and its own two files, the router rights.json too, an agent its <name>.links.json too.
+    The authority's private key is forgotten. Exits with 1 where they cannot be written, with 2 where there is no such
+    design.
 
     Examples:
       roco keys make keys
       roco keys make keys --apart --keep 3.5
       roco keys make keys --system velma1 --system velma2 --host robots.lan
     """
-    direct = links is Linking.DIRECT
     with problems(form):
         found = here() if design is None else of_design(design)
-        hosts = (*keys.HOSTS, *(found.design.agents if direct else ()), *(host or ()))
+        hosts = (*keys.HOSTS, *found.design.agents, *(host or ()))
         names = [name.strip() for given in system or [found.name] for name in given.split(",") if name.strip()]
         try:
             made = issuing.issue(
@@ -73,7 +65,6 @@ def make(
                 days=days,
                 hosts=hosts,
                 apart=apart,
-                direct=direct,
                 keep_days=keep,
             )
         except UnicodeError as error:

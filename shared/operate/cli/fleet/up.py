@@ -61,7 +61,7 @@ def up(
     agents: Annotated[
         str,
         typer.Option(
-            metavar="NAME=ENDPOINT,...", help="Where linked agents on other hosts, and those that they talk to, listen."
+            metavar="NAME=ENDPOINT,...", help="Where agents on other hosts, and those that they talk to, listen."
         ),
     ] = "",
     wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,

@@ -185,14 +185,14 @@ def _compared(agent: str, part: tuple[Part, ...], script: Script, found: _Stop |
 
 @contextmanager
 def _running(system: System, agent: str, module: str, seed: int) -> Iterator[Cast]:
-    """The agent as a process on a router of its own, ready, and its peers. Raises ConsoleError."""
+    """The agent as a process with a router of its own, ready, and its peers. Raises ConsoleError."""
     stage = Stage(SYSTEM)
     with tempfile.TemporaryDirectory(prefix="roco-replay-") as folder:
         run = Path(folder)
         links = wiring(agent, SYSTEM, design=system.design, languages=system.languages or Languages())
         process, cast = None, Cast(links, stage.endpoint)
         try:
-            process = _started(system, agent, module, run, stage.endpoint, seed)
+            process = _started(system, agent, module, run, stage.endpoint, cast.agents, seed)
             yield cast
         finally:
             if process is not None:
@@ -202,9 +202,13 @@ def _running(system: System, agent: str, module: str, seed: int) -> Iterator[Cas
             stage.close()
 
 
-def _started(system: System, agent: str, module: str, run: Path, endpoint: str, seed: int) -> "subprocess.Popen[bytes]":
+def _started(
+    system: System, agent: str, module: str, run: Path, router: str, agents: dict[str, str], seed: int
+) -> "subprocess.Popen[bytes]":
     told = {
-        "CONNECT": endpoint,
+        "CONNECT": router,
+        "AGENTS": ",".join(f"{name}={endpoint}" for name, endpoint in agents.items()),
+        "LISTEN": "",
         "RUN_DIR": str(run),
         "SYSTEM": SYSTEM,
         "SEED": str(seed),

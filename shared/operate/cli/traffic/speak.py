@@ -13,7 +13,7 @@ import msgspec
 
 from agent_runtime.core.binding import wiring
 from agent_runtime.core.errors import JournalError, RuntimeFault
-from agent_runtime.io.links import Links
+from agent_runtime.io.links import Links, NoEndpointError
 from agent_runtime.io.options import LISTEN_VARIABLE, Options
 from agent_runtime.testing.stand_in import StandIn, StandInError, Voice
 from fipa_codec.communicate import Communicate, encode
@@ -63,12 +63,11 @@ def say(system: System, run: Path, draft: Communicate, wait_s: float, tell: Tell
         languages = system.languages or Languages()
         wires = wiring(draft.sender, fleet.system, design=system.design, languages=languages)
         tls = identity.tls(run, fleet, draft.sender)
-        if fleet.agents:
-            here = os.environ.get(LISTEN_VARIABLE, "")  # in a container
-            linked = Links(Options(keys=identity.folder(run, fleet), agents=fleet.agents, listen=here), wires)
-            life = StandIn(wires, first, run, linked, router=fleet.connect, tls=tls)
-        else:
-            life = StandIn(wires, first, run, fleet.connect, tls=tls)
+        here = os.environ.get(LISTEN_VARIABLE, "")  # in a container
+        links = Links(Options(keys=identity.folder(run, fleet), agents=fleet.agents, listen=here), wires)
+        life = StandIn(wires, first, run, links, router=fleet.connect, tls=tls)
+    except NoEndpointError as error:
+        raise ConsoleError(str(error)) from error
     except (StandInError, JournalError) as error:
         if force:
             return _voiced(system, run, fleet, draft, wait_s, tell)
