@@ -27,8 +27,7 @@ from velma.eyes.fit import View
 from velma.eyes.lens import lens
 from velma.eyes.seeing import eyes_of
 from velma.kinematics.robot import Robot
-from velma.model.kinds import TABLES
-from velma.model.numbers import objects
+from velma.model.kinds import TABLES, objects
 from velma.model.scene import CANONICAL, Scene, Thing, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.photographs import Photographs

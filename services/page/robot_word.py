@@ -8,7 +8,7 @@ import time
 import msgspec
 
 from agent_runtime.core.control import KIND, Command, SetParameter
-from agent_runtime.io import message_size
+from agent_runtime.io import sessions
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import close, open_client
@@ -35,6 +35,6 @@ class RobotWord:
         if session is None:
             return False
         order = SetParameter(STEP, str(Word(Verb.GO, at)))
-        message_size.put(session, self._key, msgspec.msgpack.encode(Command(f"page-{secrets.token_hex(8)}", order)))
+        sessions.put(session, self._key, msgspec.msgpack.encode(Command(f"page-{secrets.token_hex(8)}", order)))
         close(session)
         return True

@@ -16,11 +16,10 @@ from typing import NamedTuple
 import msgspec
 from msgspec.structs import replace
 
-from fipa_codec.acts import Content, content_of
+from fipa_codec.acts import Content, Descriptor, Embedded, Proposition, content_of
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
 from fipa_codec.errors import ContentError, LocalProtocolError, RemoteProtocolError
-from fipa_codec.expressions import Descriptor, Embedded, Proposition
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import named

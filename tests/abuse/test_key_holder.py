@@ -11,10 +11,9 @@ import zenoh
 from secured_fleet import SYSTEM, session
 from toy_fleet import Fleet, wait_for
 
-from agent_runtime.io.message_size import LONGEST
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import client_tls, rights_of, router_tls
-from agent_runtime.io.sessions import MORE_SESSIONS, client_config, router_config
+from agent_runtime.io.sessions import LONGEST, MORE_SESSIONS, client_config, router_config
 from fipa_codec.communicate import MAX_BYTES
 
 pytestmark = pytest.mark.zenoh

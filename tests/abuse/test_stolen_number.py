@@ -11,8 +11,7 @@ from toy_fleet import Fleet, wait_for
 
 from agent_runtime.core.state import Record
 from agent_runtime.core.wiring import life, service_key
-from agent_runtime.io.journal import journal_file
-from agent_runtime.io.journal_format import last_record
+from agent_runtime.io.journal import journal_file, last_record
 from companion.run_files import HI_FILE, HiAddress
 from companion.tools.verbs.hi import Hi
 

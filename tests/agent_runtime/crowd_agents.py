@@ -10,8 +10,7 @@ from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Broken, Late, PeerChanged, Received, Started, Woken
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
-from fipa_codec.acts import EXPRESSIONS, Content, content_of
-from fipa_codec.expressions import Action, Descriptor, Proposition, Quantifier, Variable
+from fipa_codec.acts import EXPRESSIONS, Action, Content, Descriptor, Proposition, Quantifier, Variable, content_of
 from fipa_codec.languages import Languages
 from fipa_codec.multicast import Multicast, Outgoing
 from fipa_codec.performatives import Performative as P

@@ -20,12 +20,12 @@ from toy_agents import server, wirings
 from agent_runtime.core.effects import Receipt
 from agent_runtime.core.events import PeerChanged, Started
 from agent_runtime.core.state import Record
-from agent_runtime.io import journal, journal_format, shell
+from agent_runtime.io import journal, shell
 from agent_runtime.io.journal import journal_file
 from agent_runtime.io.options import Options
 from fipa_codec.communicate import Communicate
 
-CODE = {Path(module.__file__).name for module in (shell, journal, journal_format) if module.__file__}
+CODE = {Path(module.__file__).name for module in (shell, journal, journal) if module.__file__}
 REQUESTS = (1, 2)
 
 
@@ -119,7 +119,7 @@ def forked(run: Path, die_at: int = 0) -> int:
 def journalled(run: Path) -> dict[str, Any]:
     """Return the journal's contents."""
     data = journal_file(run, "server").read_bytes()
-    last = journal_format.last_record(data)
+    last = journal.last_record(data)
     if last is None:
         return {"taken": 0, "issued": 0, "worked": 0}
     record = msgspec.msgpack.decode(last, type=Record)

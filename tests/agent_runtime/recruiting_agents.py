@@ -10,9 +10,18 @@ from agent_runtime.core.events import PeerChanged, Received, Started
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec import proxying
-from fipa_codec.acts import EXPRESSIONS, Content, content_of
+from fipa_codec.acts import (
+    EXPRESSIONS,
+    Action,
+    Content,
+    Descriptor,
+    Proposition,
+    Quantifier,
+    Variable,
+    content_of,
+    denotes,
+)
 from fipa_codec.communicate import Communicate
-from fipa_codec.expressions import Action, Descriptor, Proposition, Quantifier, Variable, denotes
 from fipa_codec.languages import Languages
 from fipa_codec.multicast import Multicast
 from fipa_codec.performatives import Performative as P

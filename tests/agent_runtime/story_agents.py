@@ -17,10 +17,20 @@ from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Broken, Received, Started
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
-from fipa_codec.acts import EXPRESSIONS, SHAPES, Content, content_of
+from fipa_codec.acts import (
+    EXPRESSIONS,
+    SHAPES,
+    Action,
+    Content,
+    Descriptor,
+    Embedded,
+    Proposition,
+    Quantifier,
+    Variable,
+    content_of,
+)
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
-from fipa_codec.expressions import Action, Descriptor, Embedded, Proposition, Quantifier, Variable
 from fipa_codec.languages import Kind, Languages
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import PROTOCOLS

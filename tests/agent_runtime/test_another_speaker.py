@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toy_agents import LANGUAGES, Double, Want, asker, server, wirings
 
-from agent_runtime.core import recent, renumbering
+from agent_runtime.core import recent, reception
 from agent_runtime.core.effects import Effects
 from agent_runtime.core.events import Arrived, Broken, Local, PeerChanged, Receipted, Tick
 from agent_runtime.core.recent import JUMP, KEPT, digest, preceding
@@ -202,7 +202,7 @@ def test_tries_lie_farther_and_farther_ahead_and_are_not_made_at_once_for_ever()
         gaps.append(outbox(one)[0] - taken)
     assert gaps[:4] == [1, 16, 256, 4096]
     assert max(gaps) <= JUMP
-    assert at_once == renumbering.AT_ONCE
+    assert at_once == reception.AT_ONCE
     one.now += 10.0
     effects = one.step(Tick())
     assert [communicate.id for communicate in effects.sends] == [str(outbox(one)[0])]

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 from toy_agents import LANGUAGES, Double, Doubled, asker, server, wirings
 
-from agent_runtime.core import intake, recent, renumbering, streams, verdict
+from agent_runtime.core import intake, recent, reception, streams, verdict
 from agent_runtime.core.effects import Effects, LogLine, Receipt
 from agent_runtime.core.errors import BehaviourError
 from agent_runtime.core.events import AnyEvent, Arrived, Next, Receipted, Received, Started, Tick
@@ -402,7 +402,7 @@ def refused_by_number(monkeypatch: pytest.MonkeyPatch) -> None:
     def spoilt(one: Any, event: Any) -> bool:
         return one.number <= event.taken if event.refused else one.number == event.taken
 
-    monkeypatch.setattr(renumbering, "_another_taken", spoilt)
+    monkeypatch.setattr(reception, "_another_taken", spoilt)
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,8 @@ from typer.testing import CliRunner
 from agent_runtime.core.wiring import Delivery
 from agent_runtime.io import cli, logs
 from agent_runtime.io.inbox import BOUNDS, MOST_BYTES, Class, Inbox
-from agent_runtime.io.logs import MORE, Log
+from agent_runtime.io.logs import MORE, SINGLY, Log
 from agent_runtime.io.options import Options
-from agent_runtime.io.repeats import SINGLY
 from agent_runtime.io.zenoh_wire import KNOWN_KEYS, ZenohWire
 
 

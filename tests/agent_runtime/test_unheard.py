@@ -3,9 +3,8 @@
 import pytest
 from toy_agents import asker, wirings
 
-from agent_runtime.core.peers import Peers
+from agent_runtime.core.peers import PATIENCE_S, Peers, Unheard, Watch, words
 from agent_runtime.core.state import Ask, CoreState, Outgoing, fresh
-from agent_runtime.core.unheard import PATIENCE_S, Unheard, Watch, words
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
 

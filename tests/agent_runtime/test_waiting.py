@@ -5,9 +5,8 @@ import threading
 import msgspec
 import pytest
 
-from agent_runtime.io import waiting
-from agent_runtime.io.tap import Sample
-from agent_runtime.io.waiting import Waiting
+from agent_runtime.io import tap
+from agent_runtime.io.tap import Sample, Waiting
 
 
 def sample(size: int, at: float = 0.0) -> Sample:
@@ -17,8 +16,8 @@ def sample(size: int, at: float = 0.0) -> Sample:
 
 def test_what_finds_no_room_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """By number or by bytes, whichever is reached first; what is taken makes room."""
-    monkeypatch.setattr(waiting, "MOST_WAITING", 3)
-    monkeypatch.setattr(waiting, "MOST_BYTES", 100)
+    monkeypatch.setattr(tap, "MOST_WAITING", 3)
+    monkeypatch.setattr(tap, "MOST_BYTES", 100)
     one = Waiting()
     for size in (60, 60, 40, 1):
         one.put(sample(size))
@@ -35,7 +34,7 @@ def test_what_finds_no_room_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_all_room_is_there_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """After several threads put and one took everything."""
-    monkeypatch.setattr(waiting, "MOST_BYTES", 3000)
+    monkeypatch.setattr(tap, "MOST_BYTES", 3000)
     one = Waiting()
     threads = [threading.Thread(target=lambda: [one.put(sample(3)) for _ in range(500)]) for _ in range(4)]
     for thread in threads:

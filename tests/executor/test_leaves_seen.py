@@ -15,14 +15,14 @@ from companion.skills.sight import Eye, Sight
 from services.executor.simulation import receptor
 from velma import names
 from velma.kinematics.frames import heading
-from velma.model import leaves
+from velma.model import scene
 from velma.model.scene import CANONICAL, load
 from velma.sim.mujoco_backend import compiled
 
 DOORS = load(CANONICAL.with_stem("doors"))
 MODEL = compiled(DOORS)
 OPENS = {"door_1": -1.0, "door_2": 1.0}
-angles = st.floats(0.0, leaves.limits("door_left")[1])
+angles = st.floats(0.0, scene.limits("door_left")[1])
 
 
 def looked(eye: Eye, open_by: tuple[float, float]) -> dict[str, Sight]:

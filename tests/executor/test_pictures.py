@@ -21,8 +21,8 @@ from velma.eyes.lens import HEIGHT, WIDTH
 from velma.eyes.shown import smaller
 from velma.model.scene import load
 from velma.sim.head_camera import HeadCamera
-from velma.sim.markings import marked
 from velma.sim.mujoco_backend import MujocoBackend, compiled
+from velma.sim.photographs import marked
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(250)]
 

@@ -8,7 +8,7 @@ import re
 from typing import ClassVar
 
 from fipa_codec.acl_string import AclMessage, Aid, At, parse
-from fipa_codec.acl_string.dates import print_date
+from fipa_codec.acl_string.message import print_date
 from fipa_codec.performatives import Performative as P
 
 ME = Aid(name="buyer@lab:1099/JADE", addresses=("http://lab:7778/acc",))

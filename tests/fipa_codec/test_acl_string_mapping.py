@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fipa_codec.acl_string import AclMessage, After, Aid, At, Form, from_acl, parse, render, reply_names, to_acl
-from fipa_codec.acl_string.escapes import LABEL, WORD
+from fipa_codec.acl_string.mapping import LABEL, WORD
 from fipa_codec.acl_string.message import MAX_MS, MIN_MS
 from fipa_codec.communicate import MAX_BYTES, Communicate, is_word
 from fipa_codec.errors import LocalProtocolError, MalformedError

@@ -8,21 +8,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fipa_codec.acts import EXPRESSIONS, SHAPES, Content, check_content, content_of
-from fipa_codec.communicate import Communicate, decode, encode
-from fipa_codec.errors import ContentError, LocalProtocolError
-from fipa_codec.expressions import (
+from fipa_codec.acts import (
+    EXPRESSIONS,
     MAX_DEPTH,
+    SHAPES,
     Action,
+    Content,
     Descriptor,
     Embedded,
     Proposition,
     Quantifier,
     Variable,
+    check_content,
+    content_of,
     denotes,
     done,
     result,
 )
+from fipa_codec.communicate import Communicate, decode, encode
+from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.languages import Kind, Languages
 from fipa_codec.performatives import Performative as P
 

@@ -4,10 +4,9 @@ import pytest
 from msgspec.structs import replace
 
 from fipa_codec import proxying
-from fipa_codec.acts import EXPRESSIONS, content_of
+from fipa_codec.acts import EXPRESSIONS, Action, Descriptor, Proposition, Quantifier, Variable, content_of, denotes
 from fipa_codec.conversation import Conversation
 from fipa_codec.errors import ContentError, LocalProtocolError, RemoteProtocolError
-from fipa_codec.expressions import Action, Descriptor, Proposition, Quantifier, Variable, denotes
 from fipa_codec.languages import Kind, Languages
 from fipa_codec.multicast import Multicast
 from fipa_codec.performatives import Performative as P

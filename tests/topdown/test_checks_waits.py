@@ -2,7 +2,7 @@
 
 import pytest
 
-from topdown.check import waits
+from topdown.check import machines
 from topdown.model import loading
 from topdown.model.design import Design
 from topdown.model.findings import Finding, Kind
@@ -38,7 +38,7 @@ def ring(**talks: dict[str, list[str]]) -> Design:
 
 def found(**talks: dict[str, list[str]]) -> list[Finding]:
     """Return the check's findings."""
-    return list(waits.findings(ring(**talks)))
+    return list(machines.wait_findings(ring(**talks)))
 
 
 def test_two_that_only_ask_each_other_wait() -> None:

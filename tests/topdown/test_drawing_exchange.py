@@ -11,8 +11,7 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
 from topdown.draw import sequence
-from topdown.draw.exchange import Frame, Part, Remark, Said, exchange
-from topdown.draw.joint_states import Place, meet, name_of
+from topdown.draw.exchange import Frame, Part, Place, Remark, Said, exchange, meet, name_of
 
 FIPA = [value for value in vars(protocols).values() if isinstance(value, Protocol)]
 Word = tuple[Role, str]

@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from topdown.draw import decomposition_tree, layout, machines, requirements, system
-from topdown.draw.canvas import Box, Canvas
-from topdown.draw.layout import tracks
+from topdown.draw import canvas, machines, requirements, steps, system
+from topdown.draw.canvas import Box, Canvas, tracks
 from topdown.model import elements
 from topdown.model.design import Design
 
@@ -146,7 +145,7 @@ def test_a_tree_shows_every_group_and_channel_of_its_step(design: Design, data: 
     """Divided groups and the fringe are boxes apart from each other; the channels of the step are there."""
     step = data.draw(st.integers(0, len(design.file.step)))
     stage = design.decomposition.stages[step]
-    canvas = decomposition_tree.draw(design, step)
+    canvas = steps.draw(design, step)
     divided = sum(entry.divide is not None for entry in design.file.step[:step])
     assert len(canvas.boxes) == divided + len(stage.groups)
     assert not overlapping(canvas.boxes, 4)
@@ -182,7 +181,7 @@ def test_arcs_do_not_run_along_each_other(agent: elements.Agent) -> None:
 def test_channels_between_neighbours_stay_short() -> None:
     """Six agents in a ring of four with two tails need no line that crosses another or goes around."""
     pairs = [("co", "ta"), ("co", "hi"), ("co", "pl"), ("pl", "km"), ("ex", "ta"), ("ta", "km")]
-    cells = layout.placed(["hi", "co", "pl", "km", "ex", "ta"], pairs)
+    cells = canvas.placed(["hi", "co", "pl", "km", "ex", "ta"], pairs)
     assert cells["hi"] == (0, 0)
     assert all(sum(abs(i - j) for i, j in zip(cells[a], cells[b], strict=True)) == 1 for a, b in pairs)
 
@@ -199,7 +198,7 @@ def test_an_agent_with_many_channels_is_wide_enough() -> None:
 def test_crossings_are_avoided() -> None:
     """Three pairs in two rows."""
     pairs = [("a", "f"), ("b", "e"), ("c", "d")]
-    cells = layout.placed(list("abcdef"), pairs)
+    cells = canvas.placed(list("abcdef"), pairs)
     across = [sorted((cells[a], cells[b])) for a, b in pairs]
     columns = [(one[1], other[1]) for one, other in across if one[0] != other[0]]
     assert not [1 for (a, b), (c, d) in combinations(columns, 2) if (a - c) * (b - d) < 0]
@@ -219,7 +218,7 @@ def test_spans_of_one_track_are_apart(spans: list[tuple[int, int]]) -> None:
     "draw",
     [
         lambda design: system.draw(design),
-        lambda design: decomposition_tree.draw(design, 2),
+        lambda design: steps.draw(design, 2),
         lambda design: requirements.section(design, 80).parts[0].canvas,
     ],
 )

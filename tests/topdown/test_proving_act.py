@@ -3,7 +3,7 @@
 import pytest
 
 from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG
-from topdown.prove.physical_act import Act, Variant, explore_act
+from topdown.prove.verify import Act, Variant, explore_act
 
 
 def test_the_act_holds_under_any_number_of_deaths() -> None:

@@ -11,7 +11,7 @@ from fipa_codec.protocols import CFP, SUBSCRIBE
 from fipa_codec.tables import RECEIVE, SEND, Role, Row, Table
 from topdown.model.machines import Said
 from topdown.prove.fleet import Flat, Fleet
-from topdown.prove.in_flight import Net
+from topdown.prove.parts import Net
 from topdown.prove.soft import _repeated
 
 ASKED, ANSWER = Said("ask", P.QUERY_REF, Kind.PLAIN), Said("ask", P.INFORM, Kind.PLAIN)

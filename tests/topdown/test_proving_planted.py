@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 from small import ASKER, HAND, HEAD, LAMP, STUCK, design, instead, less
 
-from topdown.check import waits
+from topdown.check import machines
 from topdown.model import loading
 from topdown.model.design import Design
 from topdown.model.findings import Kind
@@ -163,9 +163,9 @@ def asking(name: str, mine: str, theirs: str, hears: bool) -> str:
 
 def test_a_wait_that_the_check_does_not_see_is_found() -> None:
     """Three ask in a ring. Where one tells a clock the time meanwhile, no set is closed, and all wait."""
-    assert [one.kind for one in waits.findings(ring("a", "b", "c"))] == [Kind.WAITS]
+    assert [one.kind for one in machines.wait_findings(ring("a", "b", "c"))] == [Kind.WAITS]
     hidden = ring("a", "b", "c", heard="b")
-    assert list(waits.findings(hidden)) == []
+    assert list(machines.wait_findings(hidden)) == []
     (found,) = verdicts(hidden, faults=0)[-1].findings
     assert found.kind in STUCK
     assert [found.trace[-1].after[name].split(";")[0] for name in "abc"] == ["asking"] * 3

@@ -12,9 +12,9 @@ from fipa_codec.protocols import PROTOCOLS, QUERY, REQUEST, State
 from fipa_codec.tables import RECEIVE, Role, Row
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import UNREACHED, WRONG, explore
-from topdown.prove.ideal import ideal_pair
 from topdown.prove.net import NetError
 from topdown.prove.net_model import NetModel
+from topdown.prove.pairs import ideal_pair
 from topdown.prove.pnml import GRAMMAR, pnml
 from topdown.prove.roles import restricted
 from topdown.prove.volatile import Rules, volatile_pair

@@ -6,7 +6,7 @@ from small import design, fleet, instead, less
 from topdown.model.design import Design
 from topdown.model.machines import machines
 from topdown.prove.engine import explore
-from topdown.prove.silence import silent_words
+from topdown.prove.parts import silent_words
 
 REPORT = """
 [[table]]

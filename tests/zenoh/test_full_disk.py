@@ -11,7 +11,7 @@ import toy_agents as toy
 from toy_fleet import Fleet, wait_for
 
 from agent_runtime.core.state import restored
-from agent_runtime.io.journal_format import last_record
+from agent_runtime.io.journal import last_record
 
 pytestmark = pytest.mark.zenoh
 

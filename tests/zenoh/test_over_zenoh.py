@@ -12,7 +12,7 @@ from toy_fleet import DEADLINE_S, Fleet, wait_for
 from agent_runtime.core.state import restored
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import communicate_key
-from agent_runtime.io.journal_format import MAGIC, frame, last_record, records
+from agent_runtime.io.journal import MAGIC, frame, last_record, records
 from agent_runtime.io.sessions import client_config, open_router
 from agent_runtime.io.steplog import fingerprint, read, replay
 from fipa_codec.communicate import Communicate, encode

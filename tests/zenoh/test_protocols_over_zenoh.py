@@ -12,7 +12,7 @@ from toy_fleet import Fleet, wait_for
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.state import restored
-from agent_runtime.io.journal_format import last_record
+from agent_runtime.io.journal import last_record
 from fipa_codec.protocols import PROTOCOLS
 from fipa_codec.tables import Role
 

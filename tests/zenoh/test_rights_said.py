@@ -15,7 +15,7 @@ from secured_fleet import SYSTEM, end, listens, secured, serve, session
 from toy_fleet import Fleet as Processes
 from toy_fleet import wait_for
 
-from agent_runtime.core.unheard import words
+from agent_runtime.core.peers import words
 from agent_runtime.io import issuing
 from agent_runtime.io.links import Links
 from agent_runtime.io.options import Options

@@ -17,7 +17,7 @@ import zenoh
 
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.sessions import client_config, free_endpoint, open_router
-from agent_runtime.testing.scripted_peers import LivingError, Stage
+from agent_runtime.testing.stand_in import LivingError, Stage
 from agent_runtime.testing.step_logs import StepLogs
 from fipa_codec.communicate import decode, encode
 from operate.cli.traffic.listen import Said, recorded, said

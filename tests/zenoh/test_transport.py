@@ -14,8 +14,7 @@ import zenoh
 from toy_fleet import Fleet, wait_for
 
 from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.message_size import LONGEST, TooLongError
-from agent_runtime.io.sessions import client_config, free_endpoint, open_links, router_config
+from agent_runtime.io.sessions import LONGEST, TooLongError, client_config, free_endpoint, open_links, router_config
 from agent_runtime.io.zenoh_wire import ZenohWire
 from companion.binding import wiring
 from fipa_codec.communicate import MAX_BYTES

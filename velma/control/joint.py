@@ -5,12 +5,16 @@
 Closed loop: M e'' + D e' + K e = external torque. Torques are beyond gravity; h is the weight of held things.
 """
 
+import math
+
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from velma.control.cartesian import damping
 from velma.control.dynamics import Terms
+from velma.control.limits import within
+from velma.names import HEAD_LOWER, HEAD_SPEED, HEAD_UPPER
 from velma.ranges import DampingRatio, Stiffness
 
 Array = NDArray[np.float64]
@@ -34,3 +38,20 @@ def torque(gains: JointGains, terms: Terms, stray: Array, slip: Array, wrench: A
     stiffness = gains.diagonal()
     spread = damping(terms.mass, stiffness, gains.damping_ratio)
     return np.asarray(stiffness * stray - spread @ slip + terms.jacobian.T @ wrench)
+
+
+# --- Head position control: the target of the two servos moves to the goal at a limited speed ------------------------
+
+
+def reachable(goal: Array) -> Array:
+    """Return the nearest pan and tilt (2,) rad that the head can take."""
+    return within(goal, HEAD_LOWER, HEAD_UPPER)
+
+
+def advance(target: Array, goal: Array, speed: float, dt: float) -> Array:
+    """Return the next servo target (2,) [rad]: from `target` towards `goal`, within limits, by at most speed * dt."""
+    end = reachable(goal)
+    step = end - target
+    reach = min(speed, HEAD_SPEED) * dt
+    length = math.sqrt(step @ step)
+    return np.asarray(target + step * (reach / length)) if length > reach else end

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velma.eyes.fit import View
-from velma.model.kinds import Model
-from velma.model.numbers import objects
+from velma.model.kinds import Model, objects
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

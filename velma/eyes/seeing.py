@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from velma.eyes import beginning, content, edges
+from velma.eyes import content, detect
 from velma.eyes.detect import Detector
-from velma.eyes.fit import FLOOR_PX, Fit, View, fit
+from velma.eyes.fit import FLOOR_PX, Fit, View, fit, largest, poses
 from velma.model.kinds import FURNITURE
 from velma.model.markers import Marker, of_scene
 from velma.model.scene import Scene
@@ -80,7 +80,7 @@ class Eyes:
         rough = self._detector.find(grey)
         if not rough:
             return {}
-        fine, good = edges.refined(grey, np.array(list(rough.values())))
+        fine, good = detect.refined(grey, np.array(list(rough.values())))
         return {number: at for number, at, fits in zip(rough, fine, good, strict=True) if fits}
 
     def bodies(self, found: Mapping[int, Array], view: View) -> list[Seen]:
@@ -93,8 +93,8 @@ class Eyes:
         if len(markers) < LEAST_MARKERS:
             return None
         at = {one.number: found[one.number] for one in markers}
-        main = beginning.largest(at)
-        starts = beginning.poses(view, self._of[name][main], at[main])
+        main = largest(at)
+        starts = poses(view, self._of[name][main], at[main])
         corners, pixels = np.concatenate([one.corners for one in markers]), np.concatenate(list(at.values()))
         stands = fit(view, corners, pixels, starts[0], upright=True)
         best, tipped = stands, False

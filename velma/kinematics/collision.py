@@ -6,6 +6,7 @@ simulates, so both give the same verdicts (tested). Every geometry belongs to a 
 thing in a hand is checked against all but that hand. No planning, no physics.
 """
 
+import ctypes
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -20,11 +21,257 @@ from velma import names
 from velma.compiled import library
 from velma.errors import VelmaError
 from velma.kinematics.frames import transform
-from velma.kinematics.near import Near, Tree, tree
-from velma.kinematics.plain_checks import PlainChecks
-from velma.kinematics.robot import Robot, body_frame
+from velma.kinematics.robot import Robot, axis, body_frame
 from velma.kinematics.shapes import distance, nearer, solid
-from velma.names import Array
+from velma.names import Array, Columns
+
+# --- Checks of the collision world by the library of velma.compiled: where the shapes are, and which pairs are too near
+# Pairs of spheres, of a sphere and a box, and most of boxes are decided in C, the others by coal. Must not know:
+# things, hands.
+
+
+_KINDS = {coal.Sphere: 1, coal.Box: 2}
+_MOST = 64  # joints; as in near.c
+
+
+class _Near(ctypes.Structure):
+    """As in near.c."""
+
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("joints", "shapes", "bodies")),
+        *((name, ctypes.c_void_p) for name in ("parent", "placed", "axis", "column", "angle", "used", "joint")),
+        *((name, ctypes.c_void_p) for name in ("on", "mounted", "moved", "at", "half", "kind", "body")),
+        *((name, ctypes.c_void_p) for name in ("box", "body_box")),
+    )
+
+
+class _Among(ctypes.Structure):
+    """As in near.c."""
+
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("pairs", "body_pairs")),
+        *((name, ctypes.c_void_p) for name in ("first_body", "second_body", "start", "first", "second", "number")),
+        ("found", ctypes.c_void_p),
+    )
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The robot's hinges as C takes them: `parent` (n,), `placed` (n, 12), `axis` (n, 3), and `column` (15,), the joint
+    of each column of a posture. Joints are those of Pinocchio but the universe, numbered from 0.
+    """
+
+    parent: Array
+    placed: Array
+    axis: Array
+    column: Array
+
+
+def tree(model: Any, column: Columns) -> Tree:
+    """Return the tree of a model whose joints are hinges."""
+    joints = range(1, model.njoints)
+    if len(joints) > _MOST:
+        raise ValueError(f"a robot of {len(joints)} joints, expected at most {_MOST} (velma/compiled/near.c)")
+    return Tree(
+        np.array([model.parents[k] - 1 for k in joints], dtype=np.int32),
+        np.array([numbers(model.jointPlacements[k]) for k in joints]),
+        np.array([axis(model.joints[k]) for k in joints]),
+        column.astype(np.int32),
+    )
+
+
+def numbers(pose: Any) -> Array:
+    """Return a pose as C takes it (12,): rotation by rows, then position [m]."""
+    return np.concatenate((pose.rotation.ravel(), pose.translation))
+
+
+@dataclass(frozen=True)
+class Among:
+    """Some of the pairs, as near.c wants them. It reads the arrays, so they are kept as long as this."""
+
+    itself: Any
+    found: Any
+    arrays: tuple[Any, ...]
+
+
+class Near:
+    """Which of some shapes may be nearer than a margin in a posture (15,); `angle` (n,) [rad]: of all joints."""
+
+    def __init__(
+        self, built: ctypes.CDLL, tree: Tree, angle: Array, solids: Sequence[Any], bodies: Columns, pairs: Columns
+    ) -> None:
+        """Of coal's shapes, of bodies numbered from 0 (n,), the pairs (2, m)."""
+        count, most = len(solids), int(bodies.max()) + 1
+        self.solids, self.pairs = solids, pairs
+        self._on, self._mounted = np.full(count, -1, dtype=np.int32), np.zeros((count, 12))
+        self._moved, self._at = np.ones(count, dtype=np.uint8), np.empty((count, 12))
+        half = np.array([_half(shape) for shape in solids])
+        kind = np.array([_KINDS.get(type(shape), 0) for shape in solids], dtype=np.uint8)
+        joints = len(tree.parent)
+        self._kept = (
+            *(tree.parent, tree.placed, tree.axis, tree.column, angle, np.full(joints, np.nan), np.empty((joints, 12))),
+            *(self._on, self._mounted, self._moved, self._at, half, kind, bodies.astype(np.int32)),
+            *(np.empty((count, 6)), np.empty((most, 6))),
+        )
+        near = _Near(joints, count, most, *(array.ctypes.data for array in self._kept))
+        self._itself, self._left = ctypes.byref(near), ctypes.c_int()
+        self._given = np.empty(15)
+        self._one = self._given.ctypes.data, 1, 1, ctypes.byref(self._left)  # to ask numpy for an address takes a while
+        self._first, self._pairs = built.near_first, built.near_pairs
+        address, number = ctypes.c_void_p, ctypes.c_double
+        self._first.argtypes = [address, address, number, address, ctypes.c_int, ctypes.c_int, address]
+        self._pairs.argtypes = [address, address, number, address]
+        of = np.sort(bodies[pairs], axis=0)
+        order = np.lexsort(of)
+        self._sorted = np.concatenate((of, pairs, [np.arange(len(order))])).astype(np.int32)[:, order]
+
+    def among(self, wanted: Array) -> Among:
+        """Return those of the pairs that are `wanted` (m,)."""
+        one_body, other_body, *pairs = self._sorted[:, wanted[self._sorted[-1]]]
+        begins = np.ones(len(one_body), dtype=bool)
+        begins[1:] = (one_body[1:] != one_body[:-1]) | (other_body[1:] != other_body[:-1])
+        start = np.append(np.flatnonzero(begins), len(begins)).astype(np.int32)
+        found = np.empty(len(begins) + len(start), dtype=np.int32)
+        arrays = (one_body[begins], other_body[begins], start, *map(np.ascontiguousarray, pairs), found)
+        among = _Among(len(begins), len(start) - 1, *(array.ctypes.data for array in arrays))
+        return Among(ctypes.byref(among), found, arrays)
+
+    def mount(self, shape: int, joint: int, pose: Any) -> None:
+        """Fix a shape to a joint of Pinocchio's, 0 the world, at T_joint_shape."""
+        self._on[shape], self._mounted[shape], self._moved[shape] = joint - 1, numbers(pose), 1
+
+    def at(self, shape: int) -> Any:
+        """Return T_world_shape, as coal has it, in the posture looked at last."""
+        pose = self._at[shape]
+        return coal.Transform3s(pose[:9].reshape(3, 3), pose[9:])
+
+    # -- checks ----------------------------------------------------------------------------------------------------
+    def free(self, among: Among, margin: float, q: Array) -> bool:
+        """Whether no pair is nearer than the margin [m]; False where an angle is not finite."""
+        self._given[:] = q
+        self._first(self._itself, among.itself, margin, *self._one)
+        left = self._left.value
+        return left == 0 or (left > 0 and not self._meets(among, margin))
+
+    def first(self, among: Among, margin: float, postures: Array, free: bool) -> int:
+        """Return the number of the first posture (n, 15) that is free, or is not; n if there is none."""
+        given, left = np.ascontiguousarray(postures, dtype=np.float64), self._left
+        k = 0
+        step, at = given.strides[0], given.ctypes.data
+        while k < len(given):
+            rest = at + k * step, len(given) - k, not free, ctypes.byref(left)
+            k += int(self._first(self._itself, among.itself, margin, *rest))
+            if k == len(given):
+                return k
+            if (left.value == 0 or (left.value > 0 and not self._meets(among, margin))) is free:
+                return k
+            k += 1
+        return k
+
+    def close(self, among: Among, margin: float, q: Array) -> list[int]:
+        """Return the numbers of pairs that may be nearer than the margin, in order."""
+        self._given[:] = q
+        count = self._pairs(self._itself, among.itself, margin, self._given.ctypes.data)
+        return sorted(among.found[:count].tolist())
+
+    def _meets(self, among: Among, margin: float) -> bool:
+        """Whether one of the pairs that C left meets."""
+        for k in among.found[: self._left.value].tolist():
+            a, b = (int(shape) for shape in self.pairs[:, k])
+            if nearer(self.solids[a], self.at(a), self.solids[b], self.at(b), margin):
+                return True
+        return False
+
+
+def _half(shape: Any) -> Array:
+    """Half edges [m] of the box around a shape of coal in its own frame."""
+    match shape:
+        case coal.Sphere():
+            return np.full(3, shape.radius)
+        case coal.Box():
+            return np.asarray(shape.halfSide)
+        case _:
+            shape.computeLocalAABB()
+            return np.asarray(np.maximum(np.abs(shape.aabb_local.max_), np.abs(shape.aabb_local.min_)))
+
+
+# --- Checks of the collision world where there is no library of velma.compiled: by Pinocchio's broad phase and coal
+
+
+class PlainChecks:
+    """As `near.Near`, slower. `angle` (n,) [rad]: of all joints; `columns` (15,): those of a posture among them."""
+
+    def __init__(self, model: Any, angle: Array, columns: Columns, solids: Sequence[Any], pairs: Columns) -> None:
+        """Of coal's shapes, the pairs (2, m)."""
+        self.solids, self.pairs = solids, pairs
+        self._model, self._data, self._angle, self._columns = model, model.createData(), angle, columns
+        self._shapes = pin.GeometryModel()
+        for shape in solids:
+            self._shapes.addGeometryObject(pin.GeometryObject("", 0, 0, pin.SE3.Identity(), shape))
+        self._shapes.setCollisionPairs(self._whole(np.ones(pairs.shape[1], dtype=bool)), True)
+        self._placed = self._shapes.createData()
+        self._stop = pin.CollisionCallBackDefault(self._shapes, self._placed, True)
+        self._margin: float | None = None
+        self._active: Array | None = None
+
+    def _whole(self, wanted: Array) -> Array:
+        """Return which shapes are compared (n, n) where these pairs are wanted (m,)."""
+        meets = np.zeros((len(self.solids), len(self.solids)), dtype=bool)
+        first, second = self.pairs[:, wanted]
+        meets[first, second] = meets[second, first] = True
+        return meets
+
+    def among(self, wanted: Array) -> Array:
+        """Return those of the pairs that are `wanted` (m,)."""
+        return np.array(wanted)
+
+    def mount(self, shape: int, joint: int, pose: Any) -> None:
+        """Fix a shape to a joint, 0 the world, at T_joint_shape."""
+        one = self._shapes.geometryObjects[shape]
+        one.parentJoint, one.placement = joint, pose
+
+    def at(self, shape: int) -> Any:
+        """Return T_world_shape, as coal has it, in the posture looked at last."""
+        pose = self._placed.oMg[shape]
+        return coal.Transform3s(pose.rotation, pose.translation)
+
+    def free(self, among: Array, margin: float, q: Array) -> bool:
+        """Whether no pair is nearer than the margin [m]; False where an angle is not finite."""
+        if not np.isfinite(q).all():
+            return False
+        self._keep_apart(margin)
+        if among is not self._active:
+            self._active = among
+            self._placed.setActiveCollisionPairs(self._shapes, self._whole(among), True)
+        self._place(q)
+        self._broad.update(False)
+        return not pin.computeCollisions(self._broad, self._stop)
+
+    def first(self, among: Array, margin: float, postures: Array, free: bool) -> int:
+        """Return the number of the first posture (n, 15) that is free, or is not; n if there is none."""
+        verdicts = (self.free(among, margin, q) is free for q in postures)
+        return next((k for k, found in enumerate(verdicts) if found), len(postures))
+
+    def close(self, among: Array, margin: float, q: Array) -> list[int]:
+        """Return the numbers of pairs that are nearer than the margin, in order."""
+        self._keep_apart(margin)
+        self._place(q)
+        return [k for k in np.flatnonzero(among).tolist() if pin.computeCollision(self._shapes, self._placed, k)]
+
+    def _keep_apart(self, margin: float) -> None:
+        """Have shapes meet that are nearer than the margin. Of Pinocchio's broad phases all boxes are quickest here."""
+        if margin != self._margin:
+            self._margin = margin
+            self._placed.setSecurityMargins(self._shapes, np.full(2 * (len(self.solids),), margin), True, True)
+            self._broad = pin.BroadPhaseManager_NaiveCollisionManager(self._model, self._shapes, self._placed)
+
+    def _place(self, q: Array) -> None:
+        self._angle[self._columns] = q
+        pin.updateGeometryPlacements(self._model, self._data, self._shapes, self._placed, self._angle)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 Kind = Literal["furniture", "object"]
 

@@ -4,7 +4,8 @@ The 15 body joints in the order of `velma.names.BODY` are the configuration q; f
 frames are frames of *bodies*: Pinocchio 4.1 misplaces a site behind several welded bodies. Knows no scene.
 """
 
-from collections.abc import Callable
+import ctypes
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,146 @@ import numpy as np
 import pinocchio as pin
 
 from velma import names
-from velma.kinematics.chain import chain
-from velma.names import Array
+from velma.compiled import library
+from velma.names import Array, Columns
+
+# --- Torso and one arm as chain.c of velma.compiled computes with them. Must not know: scenes, sampling, comfort -----
+
+
+_MOST, ALL = 16, 15  # joints; columns of a posture; as in chain.c
+
+
+class _Chain(ctypes.Structure):
+    """As in chain.c."""
+
+    _fields_ = (("joints", ctypes.c_int), *((name, ctypes.c_void_p) for name in ("placed", "axis", "column")))
+
+
+class _Limits(ctypes.Structure):
+    """As in chain.c."""
+
+    _fields_ = (
+        ("iterations", ctypes.c_int),
+        *((name, ctypes.c_double) for name in ("near", "turned", "damping", "largest_turn", "largest_error")),
+        *((name, ctypes.c_void_p) for name in ("lower", "upper", "moves")),
+    )
+
+
+class Limits:
+    """Of `Chain.solve`: iterations, tolerances [m], [rad], damping, steps [rad] and errors at most, joints' limits.
+
+    `lower`, `upper`: (15,) [rad]; `columns`: those of a posture that may move.
+    """
+
+    def __init__(self, numbers: Sequence[float], lower: Array, upper: Array, columns: Any) -> None:
+        moves = np.zeros(len(lower), dtype=np.uint8)
+        moves[columns] = 1
+        self._arrays = np.array(lower), np.array(upper), moves
+        self.itself = _Limits(*numbers, *(array.ctypes.data for array in self._arrays))
+
+
+class Chain:
+    """The hinges from the world to a frame; postures are (15,) [rad]."""
+
+    def __init__(self, built: ctypes.CDLL, model: Any, frame: int) -> None:
+        joints: list[int] = []
+        joint = model.frames[frame].parentJoint
+        while joint:
+            joints.insert(0, joint)
+            joint = model.parents[joint]
+        placed = [*(model.jointPlacements[k] for k in joints), model.frames[frame].placement]
+        self._arrays = (
+            np.array([[*pose.rotation.ravel(), *pose.translation] for pose in placed]),
+            np.array([axis(model.joints[k]) for k in joints]),
+            np.array([model.joints[k].idx_q for k in joints], dtype=np.int32),
+        )
+        if len(joints) > _MOST:
+            raise ValueError(f"a chain of {len(joints)} joints, expected at most {_MOST} (velma/compiled/chain.c)")
+        self._chain = _Chain(len(joints), *(array.ctypes.data for array in self._arrays))
+        self._itself = ctypes.byref(self._chain)
+        self._track, self._solve, self._times, self._upward, self._line = _declared(built)
+
+    def track(self, postures: Array) -> Array:
+        """Return the positions (n, 3) [m] of the frame in postures (n, 15)."""
+        given, places = np.ascontiguousarray(postures, dtype=np.float64), np.empty((len(postures), 3))
+        self._track(self._itself, given.ctypes.data, len(given), places.ctypes.data)
+        return places
+
+    def upward(self, direction: Array) -> Callable[[Array], Array]:
+        """Return the function from postures (n, 15) to the upward parts (n,) of a direction (3,) fixed to the frame."""
+        along, one, part = np.array(direction, dtype=np.float64), np.empty(ALL), np.empty(1)
+        single = one.ctypes.data, 1, along.ctypes.data, part.ctypes.data
+
+        def parts(postures: Array) -> Array:
+            if len(postures) == 1:  # as a tree asks: numpy takes as long to tell an address as all the rest
+                one[:] = postures[0]
+                self._upward(self._itself, *single)
+                return part.copy()
+            given, found = np.ascontiguousarray(postures, dtype=np.float64), np.empty(len(postures))
+            self._upward(self._itself, given.ctypes.data, len(given), along.ctypes.data, found.ctypes.data)
+            return found
+
+        return parts
+
+    def times(self, q: Array, path: Array, columns: Columns, tool_speed: float, speed: Array) -> Array:
+        """Return the time (n - 1,) [s] of each step of a path (n, m) of some columns of q (15,): the frame at
+        `tool_speed` [m/s], the columns at `speed` (m,) [rad/s].
+        """
+        arrays = [np.ascontiguousarray(one, dtype=np.float64) for one in (q, path, speed)]
+        which, found = columns.astype(np.int32), np.empty(max(len(path) - 1, 0))
+        given, along, fastest = (array.ctypes.data for array in arrays)
+        words = len(path), len(columns), which.ctypes.data, tool_speed, fastest, found.ctypes.data
+        self._times(self._itself, given, along, *words)
+        return found
+
+    def line(
+        self, start: Any, target: Any, count: int, q: Array, limits: Limits, jump: float
+    ) -> tuple[list[Array], bool]:
+        """Return postures near q (15,) with the frame straight on from `start` to `target`, up to `count`; whether the
+        last one is farther than `jump` [rad] from the one before.
+        """
+        path, given, jumps = np.empty((count, ALL)), np.array(q, dtype=np.float64), ctypes.c_int()
+        ends = [(ctypes.c_double * 12)(*pose.rotation.ravel(), *pose.translation) for pose in (start, target)]
+        words = count, jump, given.ctypes.data, path.ctypes.data, ctypes.byref(jumps)
+        solved = self._line(self._itself, ctypes.byref(limits.itself), *ends, *words)
+        return list(path[:solved]), bool(jumps.value)
+
+    def solve(self, target: Any, q: Array, limits: Limits) -> Array | None:
+        """Return a posture near q with the frame at `target`; None if the iterations do not get there."""
+        found = np.array(q, dtype=np.float64)
+        goal = (ctypes.c_double * 12)(*target.rotation.ravel(), *target.translation)
+        return found if self._solve(self._itself, ctypes.byref(limits.itself), goal, found.ctypes.data) else None
+
+
+def _declared(built: ctypes.CDLL) -> tuple[Any, ...]:
+    """Return the library's functions of a chain."""
+    address, count, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_double
+    calls = built.chain_track, built.chain_solve, built.chain_times, built.chain_upward, built.chain_line
+    track, solve, times, upward, line = calls
+    track.argtypes, track.restype = [address, address, count, address], None
+    solve.argtypes, solve.restype = [address, address, address, address], count
+    times.argtypes = [address, address, address, count, count, address, number, address, address]
+    upward.argtypes = [address, address, count, address, address]
+    line.argtypes = [address, address, address, address, count, number, address, address, address]
+    times.restype, upward.restype, line.restype = None, None, count
+    return calls
+
+
+def chain(model: Any, frame: int) -> Chain | None:
+    """Return the chain to a frame of a model whose joints are hinges, or None without a library."""
+    built = library()
+    return Chain(built, model, frame) if built is not None else None
+
+
+def axis(joint: Any) -> Array:
+    """Return the axis (3,) of a hinge in its own frame."""
+    data = joint.createData()
+    joint.calc(data, np.zeros(joint.idx_q + joint.nq))
+    return np.asarray(data.S).ravel()[3:]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 ROBOT_XML = Path(__file__).parents[1] / "model" / "robot.xml"
 _WORLD_AXES = pin.LOCAL_WORLD_ALIGNED

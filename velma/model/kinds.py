@@ -1,6 +1,12 @@
 """Kinds of things: the models of objects.yaml that a thing of a scene can be."""
 
+from collections.abc import Mapping
 from enum import StrEnum
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
 
 
 class Model(StrEnum):
@@ -27,3 +33,16 @@ DOORS = (Model.DOOR_LEFT, Model.DOOR_RIGHT)
 CABINETS = (Model.CABINET, Model.CABINET_DOOR)
 FURNITURE = (*CABINETS, *TABLES, *DOORS)
 MOVEABLE = (Model.JAR, Model.BOWL, *BOXES, Model.LID)
+
+
+# --- The numbers of objects.yaml: what things of a scene measure and weigh -------------------------------------------
+
+
+Numbers = Mapping[str, Any]
+
+
+@cache
+def objects() -> Numbers:
+    """Return the numbers of objects.yaml."""
+    numbers: Numbers = yaml.safe_load((Path(__file__).parent / "objects.yaml").read_text())
+    return numbers

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velma.errors import SceneError
-from velma.model.kinds import BOXES, DOORS, TABLES, Model
-from velma.model.numbers import objects
+from velma.model.kinds import BOXES, DOORS, TABLES, Model, objects
 
 if TYPE_CHECKING:  # a scene is checked for its markers
     from velma.model.scene import Scene

@@ -6,18 +6,102 @@ physics: scene_xml.py writes a scene as MJCF.
 
 import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
 from velma.errors import SceneError
-from velma.model import leaves, markers, scene_lines
-from velma.model.kinds import CABINETS, DOORS, TABLES, Model
+from velma.model import markers
+from velma.model.kinds import CABINETS, DOORS, TABLES, Model, objects
+
+Vector = tuple[float, float, float]
+
+# --- Leaves of cabinets: where they hang, and how far they open. Angles in rad, 0 closed; a cabinet stands upright
+
+
+def hanging(model: str, cabinet: Vector, yaw: float, angle: float) -> tuple[Vector, float]:
+    """Return place [m] and yaw of a leaf that is open by `angle`, at a cabinet at this place with this yaw."""
+    x, y, z = objects()[model]["hinge"]["xyz"]
+    c, s = math.cos(yaw), math.sin(yaw)
+    at = cabinet[0] + c * x - s * y, cabinet[1] + s * x + c * y, cabinet[2] + z
+    return at, yaw + objects()[model]["opens"] * angle
+
+
+def limits(model: str) -> tuple[float, float]:
+    """Return the least and the most that a leaf opens."""
+    least, most = objects()[model]["hinge"]["range"]
+    return least, most
+
+
+# --- The line of a scene's TOML file that an error is about. Knows the file's layout, not what a scene means ---------
+
+
+_PATH = re.compile(r"\$\.(?P<table>\w+)(?:\[(?P<number>\d+)\])?(?:\.(?P<key>\w+))?")
+_THING = re.compile(r"thing (?P<id>\S+?)(?:: (?P<key>\w+))?$")
+_FIELD = re.compile(r"(?P<table>\w+)\.(?P<key>\w+)$")
+
+
+def of_path(text: str, message: str) -> int:
+    """Return the line of the path in a message of msgspec, as in "- at `$.thing[2].xyz`"; 1 if there is none."""
+    found = _PATH.search(message)
+    if not found:
+        return 1
+    number = int(found["number"] or 0)
+    blocks = [block for block in _blocks(text) if block.table == found["table"]]
+    return blocks[number].line(found["key"]) if number < len(blocks) else _top(text, found["table"])
+
+
+def of_field(text: str, field: str) -> int:
+    """Return the line of a field as SceneError names it: "thing jar_1: inside", "noise.force"; 1 if there is none."""
+    if found := _THING.match(field):
+        named = [block for block in _blocks(text) if block.has_id(found["id"])]
+        return named[-1].line(found["key"] or "id") if named else 1
+    if found := _FIELD.match(field):
+        return next((block.line(found["key"]) for block in _blocks(text) if block.table == found["table"]), 1)
+    return 1
+
+
+class _Block:
+    """A table of the file: its name, its first line, the lines below."""
+
+    def __init__(self, table: str, first: int) -> None:
+        self.table, self.first = table, first
+        self.lines: list[str] = []
+
+    def line(self, key: str | None) -> int:
+        """Return the line of a key, that of the table's head where the key is not there."""
+        begins = re.compile(rf"\s*{key}\s*=")
+        return next((self.first + n for n, line in enumerate(self.lines, 1) if key and begins.match(line)), self.first)
+
+    def has_id(self, name: str) -> bool:
+        return any(re.match(rf"\s*id\s*=\s*[\"']{re.escape(name)}[\"']", line) for line in self.lines)
+
+
+def _blocks(text: str) -> Iterator[_Block]:
+    block: _Block | None = None
+    for number, line in enumerate(text.splitlines(), 1):
+        if head := re.match(r"\s*\[+\s*(\w+)\s*\]+", line):
+            if block is not None:
+                yield block
+            block = _Block(head[1], number)
+        elif block is not None:
+            block.lines.append(line)
+    if block is not None:
+        yield block
+
+
+def _top(text: str, key: str) -> int:
+    begins = re.compile(rf"\s*{key}\s*=")
+    return next((n for n, line in enumerate(text.splitlines(), 1) if begins.match(line)), 1)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 CANONICAL = Path(__file__).parent / "scenes" / "canonical.toml"
 
-Vector = tuple[float, float, float]
 NOWHERE: Vector = (math.nan, math.nan, math.nan)
 """Of a thing whose place the file does not say."""
 
@@ -164,11 +248,11 @@ def load(path: Path = CANONICAL) -> Scene:
     except UnicodeDecodeError as error:
         raise SceneError("file", str(path), f"text in UTF-8 ({error})") from None
     except msgspec.ValidationError as error:
-        raise SceneError("file", f"{path}:{scene_lines.of_path(text, str(error))}", str(error)) from None
+        raise SceneError("file", f"{path}:{of_path(text, str(error))}", str(error)) from None
     except msgspec.DecodeError as error:
         raise SceneError("file", str(path), f"TOML ({error})") from None
     except SceneError as error:
-        line = scene_lines.of_field(text, error.field)
+        line = of_field(text, error.field)
         raise SceneError(f"{error.field} ({path}:{line})", error.found, error.expected) from None
 
 
@@ -234,7 +318,7 @@ def _check_leaf(scene: Scene, thing: Thing) -> None:
     if thing.of is None:
         cabinets = [one.id for one in scene.of(Model.CABINET_DOOR)]
         raise SceneError(f"thing {thing.id}", "a leaf that hangs nowhere", f"`of`, one of {cabinets}")
-    least, most = leaves.limits(thing.model)
+    least, most = limits(thing.model)
     if not least <= thing.open <= most:
         raise SceneError(f"thing {thing.id}: open", thing.open, f"radians from {least} to {most}")
     around = scene.find(thing.of)
@@ -257,7 +341,7 @@ def _where_it_hangs(scene: Scene, thing: Thing) -> Thing:
 
 def _hung(leaf: Thing, cabinet: Thing) -> Thing:
     """Return the leaf at its hinge, turned by its angle."""
-    xyz, yaw = leaves.hanging(leaf.model, cabinet.xyz, cabinet.yaw, leaf.open)
+    xyz, yaw = hanging(leaf.model, cabinet.xyz, cabinet.yaw, leaf.open)
     return msgspec.structs.replace(leaf, xyz=xyz, yaw=yaw)
 
 

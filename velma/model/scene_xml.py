@@ -11,8 +11,7 @@ from xml.etree import ElementTree as ET
 from velma.model import grains, surfaces
 from velma.model.build import ROBOT_XML, quat_wxyz, text
 from velma.model.contacts import LOOK_CLASS, SHAPE_GROUP, Kind, add_class, masks
-from velma.model.kinds import BOXES, CABINETS, DOORS, TABLES, Model
-from velma.model.numbers import Numbers, objects
+from velma.model.kinds import BOXES, CABINETS, DOORS, TABLES, Model, Numbers, objects
 from velma.model.scene import Scene, Thing
 from velma.names import FT_BODY
 

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velma.model.grains import GRAIN
-from velma.model.kinds import FURNITURE, MOVEABLE, Model
-from velma.model.numbers import objects
+from velma.model.kinds import FURNITURE, MOVEABLE, Model, objects
 from velma.model.scene import Scene
 from velma.names import DISTAL, FINGERS, PROXIMAL
 from velma.sim.backend import PERIOD_S, Array

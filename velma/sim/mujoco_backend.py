@@ -10,14 +10,82 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from velma.model.scene import Scene, checked
+from velma.errors import SceneError
+from velma.model.scene import Noise, Scene, checked
 from velma.model.scene_xml import WRIST_SENSORS, scene_xml
 from velma.names import BODY, DISTAL, FINGERS, HEAD, PROXIMAL, SIDES, SPREAD, START, check_joints
-from velma.sim import overlaps, sensor_noise, sleeping
+from velma.sim import sleeping
 from velma.sim.backend import DISTAL_SHARE, PAIR_LIMIT, PERIOD_S, SINGLE_LIMIT, Array, Command, State, at_rest
 from velma.sim.disturbances import Disturbance, Orders
 from velma.sim.disturbed_world import DisturbedWorld
 from velma.sim.spoiled_senses import SpoiledReadings
+
+# --- Things of a scene that stand in each other or in the robot. Read from the contacts of the simulation at its start
+
+
+MOST_M = (
+    0.003  # [m] estimate: a recorded scene is true to some millimetres, and what stands is pressed in by less than 1
+)
+
+
+def refuse(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Raise SceneError if a thing overlaps another one or the robot by more than MOST_M.
+
+    `data` has the contacts of the start posture. Furniture may overlap furniture: it does not move.
+    """
+    things = {thing.id for thing in scene.things}
+    for contact in data.contact[: data.ncon]:
+        if contact.dist >= -MOST_M:
+            continue
+        first, second = (model.body(int(model.geom_bodyid[geom])).name for geom in contact.geom)
+        named = [name for name in (first, second) if name in things]
+        if not named or any(name.startswith("grain_") for name in (first, second)):
+            continue
+        other = second if first == named[0] else first
+        around = other if other in things else ("the floor" if other == "world" else f"the robot ({other})")
+        deep = f"{-1000 * contact.dist:.0f} mm inside {around}"
+        raise SceneError(
+            f"thing {named[0]}", deep, f"things that overlap by at most {1000 * MOST_M:.0f} mm; move one of them"
+        )
+
+
+# --- Errors of the simulated robot and of what is known of it: the same in the same cycle of a scene, also restored
+
+
+CYCLES = 4001  # 8 s, then the noise repeats: longer than every average over it (estimate)
+
+
+def wrists(noise: Noise) -> Array:
+    """Return errors (CYCLES, 2, 6) [N, Nm] by cycle and side: a constant one and white noise, drawn from the seed."""
+    rng = np.random.default_rng([noise.seed, *b"wrist"])
+    bias = np.array([noise.force_bias] * 3 + [noise.torque_bias] * 3)
+    spread = np.array([noise.force] * 3 + [noise.torque] * 3)
+    constant = rng.uniform(-bias, bias, (2, 6))
+    return np.asarray(constant + spread * rng.standard_normal((CYCLES, 2, 6)))
+
+
+def joints(noise: Noise) -> Array:
+    """Return errors (CYCLES, 2, 15) of body joints by cycle: of positions [rad], and of speeds [rad/s], which a drive
+    computes from two positions."""
+    rng = np.random.default_rng([noise.seed, *b"joint"])
+    positions = noise.joint * rng.standard_normal((CYCLES, len(BODY)))
+    return np.stack((positions, (positions - np.roll(positions, 1, axis=0)) / PERIOD_S), axis=1)
+
+
+def weights(noise: Noise) -> Array:
+    """Return by which factor (15,) each drive holds the weight of the arms."""
+    rng = np.random.default_rng([noise.seed, *b"weight"])
+    return np.asarray(1.0 + noise.weight * rng.uniform(-1.0, 1.0, len(BODY)))
+
+
+def masses(noise: Noise, count: int) -> Array:
+    """Return by which factor (count,) each thing is heavier than its model says."""
+    rng = np.random.default_rng([noise.seed, *b"mass"])
+    return np.asarray(1.0 + noise.mass * rng.uniform(-1.0, 1.0, count))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 # A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate: carries jar and bowl
 # without creep; data from the maker of the gear would be better.
@@ -61,12 +129,12 @@ class MujocoBackend:
         self._weigh()
         self.data.qpos[self._q] = START
         mujoco.mj_step1(model, self.data)
-        overlaps.refuse(scene, model, self.data)
+        refuse(scene, model, self.data)
         self._state = at_rest()
         self._state.wrist = np.zeros((2, 6))
-        self._wrist_errors = sensor_noise.wrists(scene.noise)
-        self._joint_errors = sensor_noise.joints(scene.noise) if scene.noise.joint else None
-        self._weights, self._late = sensor_noise.weights(scene.noise), scene.noise.delay > 0
+        self._wrist_errors = wrists(scene.noise)
+        self._joint_errors = joints(scene.noise) if scene.noise.joint else None
+        self._weights, self._late = weights(scene.noise), scene.noise.delay > 0
         self._before = np.stack((START, np.zeros(len(BODY))))
         self._locked = np.zeros(2)
         self._readings, self._world = SpoiledReadings(), DisturbedWorld(model, self.data, scene)
@@ -114,7 +182,7 @@ class MujocoBackend:
         if not self.scene.noise.mass:
             return
         bodies = [self.model.body(thing.id).id for thing in self.scene.things]
-        factors = sensor_noise.masses(self.scene.noise, len(bodies))
+        factors = masses(self.scene.noise, len(bodies))
         self.model.body_mass[bodies] *= factors
         self.model.body_inertia[bodies] *= factors[:, None]
         mujoco.mj_setConst(self.model, self.data)
@@ -123,7 +191,7 @@ class MujocoBackend:
         """Return the state, with the errors and the delay that the scene's noise says; forces before the last step."""
         state, qpos = self._state, self.data.qpos
         state.time = self.data.time
-        cycle = round(self.data.time / PERIOD_S) % sensor_noise.CYCLES
+        cycle = round(self.data.time / PERIOD_S) % CYCLES
         state.q[:], state.v[:] = self._before if self._late else (qpos[self._q], self.data.qvel[self._v])
         if self._joint_errors is not None:
             state.q += self._joint_errors[cycle, 0]

@@ -34,7 +34,7 @@ from services.executor.loop.fingers import Fingers
 from services.executor.loop.grip_watch import GripWatch
 from services.executor.loop.payloads import Payloads
 from velma import names, ranges
-from velma.control import cartesian, damping, head, joint, limits
+from velma.control import cartesian, damping, joint, limits
 from velma.control.cartesian import CartesianGains, CartesianImpedance
 from velma.control.dynamics import Dynamics, Terms
 from velma.control.joint import JointGains
@@ -182,7 +182,7 @@ class LoopCore:
         return None
 
     def _look(self, goal: HeadGoal) -> None:
-        self._head_goal, self._head_speed = head.reachable(np.array((goal.pan, goal.tilt))), goal.speed
+        self._head_goal, self._head_speed = joint.reachable(np.array((goal.pan, goal.tilt))), goal.speed
 
     def cancel(self, key: str | None = None) -> None:
         """Bring the running motion (only if it has this key) smoothly to rest."""
@@ -293,13 +293,13 @@ class LoopCore:
 
     def _mend(self) -> None:
         """Go back to the set-points of head and hands that were sent last."""
-        head, spread, proximal, distal, locked = np.split(np.array(self._sent), (2, 4, 10, 16))
+        joint, spread, proximal, distal, locked = np.split(np.array(self._sent), (2, 4, 10, 16))
         command = self.command
-        command.head[:], command.spread[:], command.locked[:] = head, spread, locked
+        command.head[:], command.spread[:], command.locked[:] = joint, spread, locked
         command.proximal[:], command.distal[:] = proximal.reshape(2, 3), distal.reshape(2, 3)
         self.fingers = Fingers()
         self.fingers.start_at(command)
-        self._head_target, self._head_goal = head, head.copy()
+        self._head_target, self._head_goal = joint, joint.copy()
 
     def _safe(self) -> Array:
         """Return damping with the weight of what the hands hold, if that can be known: nothing else moves a joint."""
@@ -344,7 +344,7 @@ class LoopCore:
     def _control(self, state: State) -> Array:
         dt = self.backend.period_s
         if self._head_target.tolist() != self._head_goal.tolist():
-            self._head_target = head.advance(self._head_target, self._head_goal, self._head_speed, dt)
+            self._head_target = joint.advance(self._head_target, self._head_goal, self._head_speed, dt)
         self.command.head[:] = self._head_target
         self.payloads.advance(dt)
         self.fingers.update(state, self.command, dt)

@@ -2,7 +2,7 @@
 
 A hand is tared as a motion says, while it is empty and free, and watched from the payload that it is told to carry
 until it opens. On its way down to put something down it is not watched: the support takes the load. Nor is it while it
-holds something out to a person, who takes the load: then it feels for a pull (velma.control.pull). With a sensor that
+holds something out to a person, who takes the load: then it feels for a pull (velma.control.grip). With a sensor that
 is not well a hand feels nothing, and says why.
 """
 
@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from companion.languages.facts import Kind, fact
 from companion.skills.loop_messages import GripReport, Motion, Open, Payload, Phase, Until
 from services.executor.loop.act import Verdict
-from velma.control import grip, pull
+from velma.control import grip
 from velma.control.cartesian import GRAVITY
 from velma.control.dynamics import Terms
-from velma.control.grip import Grip, Health, Watch
-from velma.control.pull import Pull
+from velma.control.grip import Grip, Health, Pull, Watch
 from velma.names import SIDES
 from velma.sim.backend import State
 
@@ -90,9 +89,9 @@ class GripWatch:
         away = np.array([x, y, 0.0]) / max(1e-9, float(np.hypot(x, y)))
         out, (force, gravity) = rotation.T @ away, self._felt[row]
         raw = reading[:3] * grip.SENSOR_TO_GRIP[row] - self._error[row]
-        self._pull_n[row] = smooth = pull.size(force - self._error[row], gravity, kg, out)
-        self._pull[row] = pull.pulled(
-            self._pull[row], reading.tolist(), smooth, pull.size(raw, rotation[2] * GRAVITY, kg, out),
+        self._pull_n[row] = smooth = grip.size(force - self._error[row], gravity, kg, out)
+        self._pull[row] = grip.pulled(
+            self._pull[row], reading.tolist(), smooth, grip.size(raw, rotation[2] * GRAVITY, kg, out),
             float(self._beside[row] @ away), self._wanted_n[row],
         )  # fmt: skip
         if self._health[row].wrong:

@@ -25,8 +25,7 @@ from services.executor.loop.act import Act
 from services.executor.loop.core import LoopCore
 from services.executor.loop.fingers import Activity
 from services.executor.loop.slots import Slot, begun
-from velma.control.grip import Watch
-from velma.control.pull import Pull
+from velma.control.grip import Pull, Watch
 
 Array = NDArray[np.float64]
 

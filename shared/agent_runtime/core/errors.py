@@ -6,7 +6,7 @@ RuntimeFault
   JournalError        the journal cannot be used (held by another process, of another agent, unreadable)
   StepLogError        a step log is damaged before its end
   KeysError           a folder of keys lacks something, or is of another system (secured.py)
-  TooLongError        a message is longer than a router hands on; nothing was put (message_size.py)
+  TooLongError        a message is longer than a router hands on; nothing was put (sessions.py)
   WorkerError         a child process cannot be started or spoken to
 """
 

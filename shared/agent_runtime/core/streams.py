@@ -2,7 +2,7 @@
 sending.
 
 One number per stream at the receiver, with digests of the newest words (recent), the unreceipted messages at the sender
-(words of another under its numbers: renumbering). Re-sent at once when the peer
+(words of another under its numbers: reception). Re-sent at once when the peer
 (re)appears, else after RESEND_FIRST, then after twice the wait up to RESEND_LAST, for ever: reply-by ends no re-
 sending. All functions change the forked state they are given and add to `out`; nothing here knows protocols' tables or
 behaviours.

@@ -12,9 +12,8 @@ import msgspec
 
 from agent_runtime.core.control import Answer, Value
 from agent_runtime.core.inside import Inside
-from agent_runtime.core.peers import Peers
+from agent_runtime.core.peers import Peers, Unheard
 from agent_runtime.core.state import CoreState
-from agent_runtime.core.unheard import Unheard
 from agent_runtime.io import clock
 from agent_runtime.io.full_disk import overwrite
 from agent_runtime.io.run_files import heartbeat_file, write_whole

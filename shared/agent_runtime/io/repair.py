@@ -12,8 +12,7 @@ import msgspec
 from agent_runtime.core.errors import JournalError
 from agent_runtime.core.lineage import begin_again
 from agent_runtime.core.state import Record
-from agent_runtime.io.journal import locked, looked_through, new_name, put
-from agent_runtime.io.journal_format import NAME, scan
+from agent_runtime.io.journal import NAME, locked, looked_through, new_name, put, scan
 
 WHY = "this agent's journal was damaged, and what it knew of this conversation is not certain"
 

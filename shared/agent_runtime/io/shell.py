@@ -13,7 +13,7 @@ import signal
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import msgspec
@@ -33,22 +33,18 @@ from agent_runtime.core.events import (
     Tick,
 )
 from agent_runtime.core.inside import STEPS, looked_into
-from agent_runtime.core.peers import Peers
+from agent_runtime.core.peers import Peers, Watch, words
 from agent_runtime.core.recent import preceding
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
-from agent_runtime.core.unheard import Watch, words
 from agent_runtime.core.wiring import Wiring
 from agent_runtime.io import clock, heartbeat, step_replay
-from agent_runtime.io.decoding import arrived, ordered, receipt
-from agent_runtime.io.desk import Desk, Posted
 from agent_runtime.io.devices import Device, DeviceMaker, NoDevice
 from agent_runtime.io.diary import Diary
-from agent_runtime.io.floods import Floods
 from agent_runtime.io.floor import Failed, Floor
 from agent_runtime.io.full_disk import FullDisk
 from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.incoming import Bytes, OrderBytes, Ping, ReceiptBytes, Token
+from agent_runtime.io.incoming import Bytes, OrderBytes, Ping, ReceiptBytes, Token, arrived, ordered, receipt
 from agent_runtime.io.journal import Journal, journal_file, new_name
 from agent_runtime.io.links import Joining, Links
 from agent_runtime.io.logs import Log
@@ -57,6 +53,59 @@ from agent_runtime.io.run_files import make_run
 from agent_runtime.io.secured import KeysError
 from agent_runtime.io.steplog import StepLog
 from agent_runtime.io.zenoh_wire import ZenohWire
+
+# --- The way of devices to their agent: what they post waits at the floor, what they publish goes onto the wire ------
+
+
+class Posted(msgspec.Struct, frozen=True):
+    """A device's word; `at` 0: now."""
+
+    content: Any
+    at: float
+
+
+class Desk:
+    """The outlet by which devices post and publish."""
+
+    def __init__(self, floor: Floor, wire: ZenohWire) -> None:
+        self._floor, self._wire = floor, wire
+
+    def __call__(self, content: Any, delay_s: float = 0.0) -> None:
+        self._floor.post(Posted(content, clock.now() + delay_s if delay_s > 0.0 else 0.0))
+
+    def publish(self, kind: str, data: bytes) -> None:
+        self._wire.publish(kind, data)
+
+
+# --- Sums of what one agent was told too much of, and that the disk has its share: said in its log, for people -------
+
+
+class Floods:
+    """Writer of the log lines about dropped messages and the full step log; it remembers what it has logged."""
+
+    def __init__(self, log: Log) -> None:
+        self._log = log
+        self._dropped: dict[str, int] = {}
+        self._full_told = False
+
+    def look(self, dropped: Mapping[str, int], *, full: bool) -> None:
+        """Log who says more than is taken (`dropped`: "kind of peer" -> how often so far); `full`: the step log is."""
+        for what, count in tuple(dropped.items()):
+            new = count - self._dropped.get(what, 0)
+            if new:
+                self._dropped[what] = count
+                kind, _, peer = what.partition(" of ")
+                why = "more than a peer may say: what is durable or asked comes again"
+                self._log.write("over quota", level="warning", sender=peer, kind=kind, count=new, why=why)
+        if full and not self._full_told:
+            self._full_told = True
+            why = "the step log is full, steps are not logged any more: begin a new run folder to have them"
+            self._log.write("disk limit", level="error", why=why)
+        self._log.look()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 QUIET_S = 0.005
 """Without anything new, after which logs are written; eight round trips. A kill -9 takes what was not (estimate)."""

@@ -22,8 +22,7 @@ from agent_runtime.io.inbox import Class
 from agent_runtime.io.incoming import NAMELESS, Bytes, OrderBytes, Ping, ReceiptBytes, Token
 from agent_runtime.io.log_sender import KIND as LOG
 from agent_runtime.io.log_sender import WANTED, LogSender
-from agent_runtime.io.message_size import put
-from agent_runtime.io.sessions import close
+from agent_runtime.io.sessions import close, put
 from fipa_codec.communicate import Communicate, encode, number_of
 
 BULK_BYTES = 16 * 1024

@@ -5,7 +5,7 @@ from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.planning.situation import Situation, configured
 from companion.planning.steps import Geometry, Step, free_speed, move
-from velma.kinematics.tasks.homing import FINGERS, homes
+from velma.kinematics.tasks.carrying import FINGERS, homes
 
 
 def home(geometry: Geometry, state: str, side: Side) -> Step | None:

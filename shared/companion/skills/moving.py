@@ -14,8 +14,7 @@ from companion.skills.skill import NotPossible, Skill, SkillRow, replan
 from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted, tilt
-from velma.kinematics.tasks.carrying import upright
-from velma.kinematics.tasks.homing import FINGERS, homes
+from velma.kinematics.tasks.carrying import FINGERS, homes, upright
 from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED, RETREAT_SPEED
 
 JOIN_STEP = 0.05  # [rad] between two states checked on the way to a path

@@ -10,10 +10,17 @@ Modules in reading order: message, errors, dates, scanner, reading, printing, co
 mapping. No I/O, no clock.
 """
 
-from fipa_codec.acl_string.content import Form
-from fipa_codec.acl_string.errors import AclSyntaxError
-from fipa_codec.acl_string.mapping import from_acl, reply_names, to_acl
-from fipa_codec.acl_string.message import MAX_ACL_BYTES, MAX_DEPTH, MAX_ITEMS, AclMessage, After, Aid, At
+from fipa_codec.acl_string.mapping import Form, from_acl, reply_names, to_acl
+from fipa_codec.acl_string.message import (
+    MAX_ACL_BYTES,
+    MAX_DEPTH,
+    MAX_ITEMS,
+    AclMessage,
+    AclSyntaxError,
+    After,
+    Aid,
+    At,
+)
 from fipa_codec.acl_string.printing import render
 from fipa_codec.acl_string.reading import parse
 

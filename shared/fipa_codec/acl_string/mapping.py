@@ -13,19 +13,158 @@ to inform. FIPA's token of a protocol means that of the profile: by `Profile.FIP
 word or label of ours (a blank in a conversation-id, a nested ontology) is escaped (`escapes`).
 """
 
+import base64
+import binascii
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from enum import StrEnum
+from typing import NamedTuple
+from urllib.parse import quote, unquote_to_bytes
 
 import msgspec
 
-from fipa_codec.acl_string import content as contents
-from fipa_codec.acl_string.content import Form
-from fipa_codec.acl_string.escapes import LABEL, WORD, Escape
 from fipa_codec.acl_string.message import MAX_MS, MIN_MS, AclMessage, After, Aid, At
-from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly, is_label, is_word
+from fipa_codec.communicate import MAX_BYTES, Communicate, decode_strictly, encode_strictly, explain, is_label, is_word
 from fipa_codec.errors import LocalProtocolError, MalformedError
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, Profile, named
+
+# --- Any text of another platform as a word or label of ours, and back, one to one -----------------------------------
+# A text that is a word or label already stays what it is. Any other text becomes `acl:` (label) or `acl-` (word) and
+# the text with its other characters as two hexadecimal digits per byte of UTF-8: the label `a b` is `acl:a%20b`, the
+# word `ams@host:1099/JADE` is `acl-ams@host_3A1099_2FJADE`. A text that looks like such an escape is escaped, too.
+
+
+class Escape(NamedTuple):
+    """Escaping of one kind of text; `mark`: the characters before two hexadecimal digits."""
+
+    fits: Callable[[str], bool]
+    prefix: str
+    mark: str
+    safe: str
+
+    def enter(self, text: str) -> str:
+        """Return our text for one of another platform; it can be too long to be a word or label.
+
+        Raise UnicodeEncodeError for half a surrogate pair.
+        """
+        return text if self._stays(text) else self._escaped(text)
+
+    def leave(self, text: str) -> str:
+        """Return the text of another platform for one of ours."""
+        meant = self._meant_by(text)
+        return text if meant is None else meant
+
+    def _escaped(self, text: str) -> str:
+        quoted = quote(text, safe=self.safe)
+        if self.mark != "%":  # a character outside of `safe` that quote leaves as it is
+            quoted = re.sub("[~_]", lambda found: f"%{ord(found[0]):02X}", quoted).replace("%", self.mark)
+        return self.prefix + quoted
+
+    def _meant_by(self, text: str) -> str | None:
+        """Return what a text of ours stands for, None unless it is what `enter` makes of it."""
+        if not text.startswith(self.prefix):
+            return None
+        try:
+            meant = unquote_to_bytes(text.removeprefix(self.prefix).replace(self.mark, "%")).decode()
+        except UnicodeDecodeError:
+            return None
+        return None if self._stays(meant) or self._escaped(meant) != text else meant
+
+    def _stays(self, text: str) -> bool:
+        return not text or (self.fits(text) and self._meant_by(text) is None)
+
+
+LABEL = Escape(is_label, "acl:", "%", "!\"#$&'()*+,-./:;<=>?@[\\]^_`{|}~")
+WORD = Escape(is_word, "acl-", "_", "@-.")
+
+
+# --- The content of a communicate (any MessagePack) in the text of an ACL message, both ways -------------------------
+# Of three forms the most readable one that decodes to the same bytes is used:
+#   text    a MessagePack string as it is, without an encoding; content of other platforms (fipa-sl, ...) is read so
+#   json    `:encoding json`: values that JSON can represent; tagged Structs of a content language as msgspec writes
+# them
+#   base64  `:encoding msgpack-base64`: base64 of the MessagePack for other values (bytes, NaN, keys that are not
+#           strings), with `:X-JADE-Encoding Base64`, so that JADE decodes it for its agents
+#
+# Independent of content languages.
+
+
+JSON = "json"
+MSGPACK_BASE64 = "msgpack-base64"
+JADE_ENCODING = "X-JADE-Encoding"
+JADE_BASE64 = "Base64"
+
+# JADE strips content, a trailing backslash cannot be quoted, and control characters are not readable.
+_PLAIN_TEXT = re.compile(r"[^\s\x00-\x1f\x7f](?:[^\x00-\x08\x0b-\x1f\x7f]*[^\s\x00-\x1f\x7f\\])?(?<!\\)")
+
+
+class Form(StrEnum):
+    """The form of content: readable if possible, or always base64."""
+
+    READABLE = "readable"
+    BINARY = "binary"
+
+
+def write(content: msgspec.Raw, form: Form) -> tuple[str, str | None]:
+    """Return text and encoding of well-formed MessagePack, such that `read` returns the same bytes."""
+    return (_readable(content) if form is Form.READABLE else None) or (
+        base64.b64encode(content).decode(),
+        MSGPACK_BASE64,
+    )
+
+
+def read(content: str | bytes, encoding: str | None, jade_encoding: str | None) -> msgspec.Raw:
+    """Return content as MessagePack; with an encoding of other platforms it is a string.
+
+    Raise MalformedError if the content does not have its encoding; one that JADE's parameter names wrongly is ignored.
+    """
+    named = (encoding or "").lower()
+    try:
+        if named == MSGPACK_BASE64:
+            return msgspec.Raw(_from_base64(content))
+        if named == JSON:
+            return _packed(msgspec.json.decode(content))
+        if (jade_encoding or "").lower() == JADE_BASE64.lower():
+            with suppress(ValueError):
+                return _packed(_from_base64(content))
+        return _packed(content)
+    except Exception as error:
+        _, reason = explain(error, "content")
+        raise MalformedError("content", f"is not {encoding or 'text'}: {reason}") from error
+
+
+def _readable(content: msgspec.Raw) -> tuple[str, str | None] | None:
+    try:
+        value = msgspec.msgpack.decode(content)
+        if isinstance(value, str) and _PLAIN_TEXT.fullmatch(value):
+            written: tuple[str, str | None] = (value, None)
+        else:
+            written = (msgspec.json.encode(value).decode(), JSON)
+        same = len(written[0].encode()) <= MAX_BYTES and read(*written, None) == content
+    except Exception:
+        # MessagePack that cannot be decoded here or represented in JSON (invalid text, unhashable keys, extensions,
+        # deep nesting) is sent as bytes.
+        return None
+    return written if same else None
+
+
+def _packed(value: object) -> msgspec.Raw:
+    return msgspec.Raw(msgspec.msgpack.encode(value))
+
+
+def _from_base64(content: str | bytes) -> bytes:
+    raw = content.encode() if isinstance(content, str) else content
+    try:
+        return base64.b64decode(b"".join(raw.split()), validate=True)
+    except binascii.Error as error:
+        raise ValueError(str(error)) from error
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 ID, SENT, REPLY_BY, ACT, PROTOCOL = "X-id", "X-sent", "X-reply-by", "X-act", "X-protocol"
 
@@ -63,8 +202,8 @@ def to_acl(
     )
     if communicate.content is msgspec.UNSET:
         return message
-    text, encoding = contents.write(communicate.content, form)
-    jade = {contents.JADE_ENCODING: contents.JADE_BASE64} if encoding == contents.MSGPACK_BASE64 else {}
+    text, encoding = write(communicate.content, form)
+    jade = {JADE_ENCODING: JADE_BASE64} if encoding == MSGPACK_BASE64 else {}
     return msgspec.structs.replace(message, content=text, encoding=encoding, user=message.user | jade)
 
 
@@ -86,13 +225,13 @@ def from_acl(
     """
     ours = {aid.name: name for name, aid in names.items()}
     user = {name.lower(): value for name, value in message.user.items()}
-    jade_encoding = user.get(contents.JADE_ENCODING.lower())
+    jade_encoding = user.get(JADE_ENCODING.lower())
     try:
         communicate = Communicate(
             performative=_act_in(message, user, profile),
             content=msgspec.UNSET
             if message.content is None
-            else contents.read(message.content, message.encoding, jade_encoding),
+            else read(message.content, message.encoding, jade_encoding),
             language=_entered(WORD, message.language),
             ontology=_entered(WORD, message.ontology),
             protocol=_protocol_in(message, user, profile),

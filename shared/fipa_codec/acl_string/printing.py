@@ -8,10 +8,8 @@ that are not plain words: Rock does not parse quoted ones, and JADE counts chara
 import re
 from collections.abc import Iterator
 
-from fipa_codec.acl_string.dates import print_date
-from fipa_codec.acl_string.message import MAX_DEPTH, AclMessage, Aid
-from fipa_codec.acl_string.reading import parse
-from fipa_codec.acl_string.scanner import RUN_ON
+from fipa_codec.acl_string.message import MAX_DEPTH, AclMessage, Aid, print_date
+from fipa_codec.acl_string.reading import RUN_ON, parse
 from fipa_codec.errors import LocalProtocolError, MalformedError
 
 _PLAIN_EXPRESSION = re.compile(r"[A-Za-z][A-Za-z0-9_.@-]*")

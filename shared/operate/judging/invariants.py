@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from agent_runtime.core.state import Record
-from agent_runtime.io.journal_format import last_record
+from agent_runtime.io.journal import last_record
 from operate.recording import history
 from operate.recording.history import History
 from operate.run_folder import REPORT_FILE

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import msgspec
 
-from agent_runtime.core import unheard
-from agent_runtime.core.unheard import Unheard
+from agent_runtime.core import peers
+from agent_runtime.core.peers import Unheard
 from fipa_codec.communicate import UNREADABLE
 from operate.recording.fault_file import fault_in
 from operate.recording.records import House, Record, Spoken, Token
@@ -121,7 +121,7 @@ class Live:
         before = self._not_heard.get(beat.agent, ())
         self._not_heard[beat.agent] = beat.unheard
         yield from (
-            Happened(t=t, name="unheard", text=unheard.words(beat.agent, one, t))
+            Happened(t=t, name="unheard", text=peers.words(beat.agent, one, t))
             for one in beat.unheard
             if one not in before
         )

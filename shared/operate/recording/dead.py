@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from agent_runtime.core.state import Outgoing
-from agent_runtime.io import journal_format
+from agent_runtime.io import journal
 from fipa_codec.communicate import Communicate, decode_strictly, encode
 from fipa_codec.errors import FipaError
 from operate.recording import reading
@@ -157,7 +157,7 @@ def _not_receipted(run: Path, system: System, now: float) -> Iterator[DeadLetter
 def _last(path: Path) -> _Kept:
     """The last record of a journal; an empty one where there is none that can be read."""
     try:
-        last = journal_format.last_record(path.read_bytes())
+        last = journal.last_record(path.read_bytes())
         return _Kept() if last is None else _kept.decode(last)
     except (OSError, msgspec.MsgspecError):
         return _Kept()

@@ -15,8 +15,7 @@ import msgspec
 
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import key_file
-from agent_runtime.io.tap import RECORDER, Sample, open_tap
-from agent_runtime.io.waiting import Waiting
+from agent_runtime.io.tap import RECORDER, Sample, Waiting, open_tap
 from operate.recording.ends import Ends, ends_now
 from operate.recording.mcap_file import first
 from operate.recording.samples import sampled

@@ -21,14 +21,12 @@ import msgspec
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.full_disk import worded
 from agent_runtime.io.log_sender import KIND as PART
-from agent_runtime.io.logs import Log
+from agent_runtime.io.logs import WINDOW_S, Log, Repeats
 from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.pulse import Pulse
-from agent_runtime.io.repeats import WINDOW_S, Repeats
 from agent_runtime.io.run_files import make_run
 from agent_runtime.io.steplog import MUCH_BYTES
-from agent_runtime.io.tap import Sample, Tap, open_tap
-from agent_runtime.io.waiting import Waiting
+from agent_runtime.io.tap import Sample, Tap, Waiting, open_tap
 from operate.judging.judged import Judging, encoded
 from operate.judging.live import Live
 from operate.pictures.feed import Feed, feeding

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import msgspec
 
-from agent_runtime.io.tap import Sample
-from agent_runtime.io.waiting import Waiting
+from agent_runtime.io.tap import Sample, Waiting
 from operate.filters import Filter
 from operate.recording.contents import versions_now
 from operate.recording.mcap_file import Recording

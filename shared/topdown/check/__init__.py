@@ -1,46 +1,30 @@
 """Check whether a design is consistent in itself; topdown.check.agreement compares it with code.
 
-The order is names -> requirements, steps -> channels, protocols, message_form, interfaces -> machines, rows, waits,
+The order is names -> requirements, steps -> channels, protocols, forms, interfaces -> machines, rows, waits,
 parameters -> claims, adding_up; recorded compares a run with the design. A fault is reported once: what only follows
 from it is left out. No I/O.
 """
 
-from topdown.check import (
-    adding_up,
-    channels,
-    claims,
-    interfaces,
-    machines,
-    message_form,
-    names,
-    outcome,
-    parameters,
-    protocols,
-    requirements,
-    rows,
-    sides,
-    steps,
-    waits,
-)
+from topdown.check import adding_up, channels, machines, names, outcome, protocols, requirements
 from topdown.check.machines import reachable as reachable
 from topdown.model.design import Design
 from topdown.model.findings import Finding, located
 
 PARTS = (
     requirements.findings,
-    steps.findings,
+    requirements.step_findings,
     outcome.findings,
     channels.findings,
     names.findings,
     protocols.findings,
-    message_form.findings,
-    sides.findings,
-    interfaces.findings,
+    channels.form_findings,
+    machines.side_findings,
+    channels.interface_findings,
     machines.findings,
-    rows.findings,
-    waits.findings,
-    parameters.findings,
-    claims.findings,
+    machines.row_findings,
+    machines.wait_findings,
+    machines.parameter_findings,
+    outcome.claim_findings,
     adding_up.findings,
 )
 

@@ -2,10 +2,12 @@
 
 from collections.abc import Iterator
 
+from fipa_codec.performatives import Performative
 from topdown.model import elements
 from topdown.model.design import Design
 from topdown.model.elements import AGENTS
 from topdown.model.findings import Finding, Kind
+from topdown.model.loading import Path_
 
 
 def findings(design: Design) -> Iterator[Finding]:
@@ -66,3 +68,112 @@ def _signals(design: Design) -> Iterator[Finding]:
                     yield Finding(
                         Kind.UNDEFINED, f"signal {signal.kind}", wrong, right, ("signal", index, "reach", number)
                     )
+
+
+# --- The form of messages: one form for each act, a budget for each, no act that FIPA says is never performed --------
+
+
+MACRO = (Performative.INFORM_IF, Performative.INFORM_REF)
+"""Macro acts: planned with, never performed (SC00037J); the inform or its like is what is said."""
+
+
+def form_findings(design: Design) -> Iterator[Finding]:
+    """Of every message; a `ruling` on it or its protocol answers for a macro act."""
+    for index, use in enumerate(design.file.protocol):
+        at: Path_ = ("protocol", index)
+        if use.latency_s <= 0:
+            right = "say `latency_s`, what an answer should need at most"
+            yield Finding(Kind.NO_BUDGET, f"protocol {use.name}", "has no latency budget", right, at)
+        for number, message in enumerate(use.message):
+            yield from _message(use, message, use.message[:number], (*at, "message", number))
+
+
+def _message(
+    use: elements.Protocol, message: elements.Message, before: tuple[elements.Message, ...], at: Path_
+) -> Iterator[Finding]:
+    where = f"protocol {use.name}, {message.sender} {message.performative}"
+    same = [one for one in before if (one.sender, one.performative) == (message.sender, message.performative)]
+    for other in same[:1]:
+        if other.language != message.language:
+            wrong = f"is written in {other.language} and in {message.language}"
+            yield Finding(Kind.TWO_FORMS, where, wrong, "one language for each act of a protocol", at)
+        elif bool(other.content) != bool(message.content):
+            yield Finding(Kind.TWO_FORMS, where, "is said with content and without", "one or the other", at)
+    if message.performative in MACRO and not (message.ruling or use.ruling) and not same:
+        right = "answer with inform, or give the entry a ruling"
+        yield Finding(Kind.MACRO_ACT, where, "FIPA makes it a macro act, which is never performed", right, at)
+    if message.bytes <= 0:
+        yield Finding(Kind.NO_BUDGET, where, "has no size budget", "say `bytes`, the largest size", at)
+
+
+# --- Interfaces and messages agree: every entry can be asked and answered, and what opens a conversation is an entry
+
+
+def interface_findings(design: Design) -> Iterator[Finding]:
+    """Of every use of a protocol that offers an interface."""
+    for index, use in enumerate(design.file.protocol):
+        at: Path_ = ("protocol", index)
+        yield from _stars(use, at)
+        entries = [e for name in use.interface if name in design.interfaces for e in design.interfaces[name].entries]
+        asked, answered = _sayable(design, use)
+        for entry in entries:
+            yield from _entry(use, entry, asked, answered, at)
+        if entries:
+            yield from _not_offered(use, entries, asked, at)
+
+
+def _stars(use: elements.Protocol, at: Path_) -> Iterator[Finding]:
+    for number, message in enumerate(use.message):
+        for name in message.content:
+            if name.startswith("*") and name[1:] not in use.interface:
+                where = f"protocol {use.name}, {message.sender} {message.performative}"
+                right = f"one of {', '.join(use.interface)}" if use.interface else "the protocol names no interface"
+                place = (*at, "message", number, "content")
+                yield Finding(Kind.UNDEFINED, where, f"{name} is not an interface of the protocol", right, place)
+
+
+def _entry(
+    use: elements.Protocol,
+    entry: elements.InterfaceEntry,
+    asked: set[tuple[Performative, str]],
+    answered: set[str],
+    at: Path_,
+) -> Iterator[Finding]:
+    where = f"protocol {use.name}, {entry.name}"
+    for wanted in entry.arguments or ("",):
+        if (entry.performative, wanted) not in asked:
+            wrong = f"no message {entry.performative} carries {wanted or 'nothing'}"
+            yield Finding(Kind.NOT_ASKED, where, wrong, "list it as content", at)
+    for wanted in entry.answers:
+        if wanted not in answered:
+            wrong = f"no answer of {use.participant} carries {wanted}"
+            yield Finding(Kind.NO_ANSWER, where, wrong, "list it as content", at)
+
+
+def _not_offered(
+    use: elements.Protocol,
+    entries: list[elements.InterfaceEntry],
+    asked: set[tuple[Performative, str]],
+    at: Path_,
+) -> Iterator[Finding]:
+    """Contents of acts that interfaces are about, which no entry takes."""
+    acts = {entry.performative for entry in entries}
+    taken = {(entry.performative, name) for entry in entries for name in entry.arguments or ("",)}
+    for act, name in sorted(pair for pair in asked - taken if pair[0] in acts):
+        wrong = f"{act} carries {name or 'nothing'}, which no interface entry takes"
+        right = f"declare it in one of {', '.join(use.interface)}"
+        yield Finding(Kind.NOT_OFFERED, f"protocol {use.name}, {use.initiator}", wrong, right, at)
+
+
+def _sayable(design: Design, use: elements.Protocol) -> tuple[set[tuple[Performative, str]], set[str]]:
+    """(act, class) the initiator may say ("" where it has no content), classes the participant may answer."""
+    asked: set[tuple[Performative, str]] = set()
+    answered: set[str] = set()
+    for message in use.message:
+        known = all(not name.startswith("*") or name[1:] in design.interfaces for name in message.content)
+        contents = design.contents(use, message) if known else ()
+        if message.sender == use.initiator:
+            asked |= {(message.performative, name) for name in contents or ("",)}
+        else:
+            answered |= set(contents)
+    return asked, answered

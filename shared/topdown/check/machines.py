@@ -1,11 +1,16 @@
 """The agents' state machines: every state can be reached and is left whatever holds; protocols have states that act."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
+from fipa_codec.performatives import Performative
 from topdown.model import elements
 from topdown.model.design import Design
+from topdown.model.errors import DesignError, ParameterError
 from topdown.model.findings import Finding, Kind
 from topdown.model.loading import Path_
+from topdown.model.machines import Cause, Machine, Row, Said
+from topdown.model.parameters import COUNTABLE, Parameters
 
 
 def findings(design: Design) -> Iterator[Finding]:
@@ -88,3 +93,284 @@ def reachable(agent: elements.Agent, start: str = "") -> frozenset[str]:
                 found.add(arc.target)
                 ahead.append(arc.target)
     return frozenset(found)
+
+
+# --- The two ends of each message: what one agent says the other takes, per performative, protocol, language, ontology
+# Compared are the messages of the protocols and the interfaces that agents declare (paper, section 4, step 4); rows.py
+# compares the messages with what agents do.
+
+
+ALWAYS = Performative.NOT_UNDERSTOOD
+"""Goes both ways in every protocol and is not listed (SC00037J)."""
+
+
+class Heard(NamedTuple):
+    """A message with both of its ends."""
+
+    use: elements.Protocol
+    sender: str
+    receiver: str
+    message: elements.Message
+    at: Path_
+
+    @property
+    def act(self) -> Performative:
+        """Return the kind of its act in words."""
+        return self.message.performative
+
+    def words(self, design: Design) -> dict[str, str]:
+        """Return the words of a declared interface, by the field of elements.Ends; undefined ones are left out."""
+        use, found = self.use, {"performatives": str(self.act), "protocols": self.use.follows}
+        if self.message.language in {entry.name for entry in design.file.language}:
+            found["languages"] = self.message.language
+        if use.ontology in {entry.name for entry in design.file.ontology}:
+            found["ontologies"] = use.ontology
+        return found
+
+
+def messages(design: Design) -> Iterator[Heard]:
+    """Every message that has two ends."""
+    for index, use in enumerate(design.file.protocol):
+        for number, message in enumerate(use.message):
+            if message.sender in (use.initiator, use.participant):
+                receiver = use.participant if message.sender == use.initiator else use.initiator
+                at: Path_ = ("protocol", index, "message", number)
+                yield Heard(use, message.sender, receiver, message, at)
+
+
+def side_findings(design: Design) -> Iterator[Finding]:
+    """Of declared interfaces, where there are any."""
+    heard = tuple(messages(design))
+    for index, agent in enumerate(design.file.agent):
+        at: Path_ = ("agent", index)
+        if agent.sends is not None:
+            mine = [one for one in heard if one.sender == agent.name]
+            yield from _declared(design, agent.name, "sends", agent.sends, mine, (*at, "sends"))
+        if agent.receives is not None:
+            mine = [one for one in heard if one.receiver == agent.name]
+            yield from _declared(design, agent.name, "receives", agent.receives, mine, (*at, "receives"))
+
+
+def _declared(
+    design: Design, agent: str, way: str, ends: elements.Ends, mine: list[Heard], at: Path_
+) -> Iterator[Finding]:
+    """Words of the declared interface without a message, and messages without their words."""
+    lacking = Kind.RECEIVED_NOT_SENT if way == "sends" else Kind.SENT_NOT_RECEIVED
+    idle = Kind.SENT_NOT_RECEIVED if way == "sends" else Kind.RECEIVED_NOT_SENT
+    for field in elements.Ends.__struct_fields__:
+        declared = [str(word) for word in getattr(ends, field)]
+        used = {words[field]: one for one in mine if field in (words := one.words(design))}
+        for word in sorted(used.keys() - set(declared)):
+            one = used[word]
+            where = f"protocol {one.use.name}, {one.sender} {one.act}"
+            wrong = f"{agent} does not declare that it {way} {word}"
+            yield Finding(lacking, where, wrong, f"its {way}.{field} are {', '.join(declared) or 'none'}", one.at)
+        for word in declared:
+            if word not in used and word != ALWAYS:
+                right = f"they have {', '.join(sorted(used)) or 'none'}"
+                wrong = f"declares that it {way} {word}, and no message does"
+                yield Finding(idle, f"agent {agent}, {field}", wrong, right, at)
+
+
+# --- The rows of agents: they can be read, their states follow each other by arcs, and both ends of a message have one
+# What rows and protocols do together is left to the exploration (topdown.prove).
+
+
+def row_findings(design: Design) -> Iterator[Finding]:
+    """Of every agent that has rows."""
+    compiled: dict[str, Machine] = {}
+    for index, agent in enumerate(design.file.agent):
+        try:
+            compiled[agent.name] = Machine(design, agent.name)
+        except DesignError as error:
+            yield Finding(Kind.BAD_ROW, error.field, error.wrong, error.right, ("agent", index, "row"))
+    heard = tuple(messages(design))
+    said = {_act(word) for machine in compiled.values() for row in machine.rows for word in _said(row)}
+    spoken = {one.use.name for one in heard if one.sender == one.use.initiator and _of(one) in said}
+    for index, agent in enumerate(design.file.agent):
+        machine = compiled.get(agent.name)
+        if machine is not None and machine.rows:
+            yield from _led(agent, machine, index)
+            yield from _ends(agent, machine, heard, spoken)
+            yield from _unlisted(agent, machine, heard, index)
+
+
+def _led(agent: elements.Agent, machine: Machine, index: int) -> Iterator[Finding]:
+    """A row leads only where arcs lead, perhaps through states that are left at once."""
+    told: set[tuple[str, str]] = set()
+    for row in machine.rows:
+        for state in sorted(row.states):
+            pair = (state, row.to)
+            if row.to and pair not in told and row.to not in reachable(agent, state):
+                told.add(pair)
+                where, at = f"agent {agent.name}, row {row.number}", ("agent", index, "row", row.number - 1)
+                yield Finding(Kind.BAD_ROW, where, f"no arcs lead from {state} to {row.to}", "give it an arc", at)
+
+
+def _ends(agent: elements.Agent, machine: Machine, heard: Iterable[Heard], spoken: set[str]) -> Iterator[Finding]:
+    """Messages that no row says, or takes. A message's `ruling` answers for it, and the `ruling` of a protocol for all
+    of its messages where its initiator says none of them (not `spoken`).
+    """
+    says = {_act(word) for row in machine.rows for word in _said(row)}
+    takes = {_act(word) for row in machine.rows for word in _taken(row)}
+    for one in heard:
+        if one.message.ruling or (one.use.ruling and one.use.name not in spoken):
+            continue
+        where = f"protocol {one.use.name}, {one.sender} {one.act}"
+        right = "give it a row, or drop the message"
+        if one.sender == agent.name and _of(one) not in says:
+            yield Finding(Kind.RECEIVED_NOT_SENT, where, f"no row of {agent.name} says it", right, one.at)
+        if one.receiver == agent.name and _of(one) not in takes:
+            yield Finding(Kind.SENT_NOT_RECEIVED, where, f"no row of {agent.name} takes it", right, one.at)
+
+
+def _unlisted(agent: elements.Agent, machine: Machine, heard: Iterable[Heard], index: int) -> Iterator[Finding]:
+    """Acts that rows say and take, and no message lists; not-understood is never listed."""
+    out = {_of(one) for one in heard if one.sender == agent.name}
+    into = {_of(one) for one in heard if one.receiver == agent.name}
+    told: set[tuple[int, str, Performative]] = set()
+    for row in machine.rows:
+        at: Path_ = ("agent", index, "row", row.number - 1)
+        where = f"agent {agent.name}, row {row.number}"
+        for words, known, kind, verb in (
+            (_said(row), out, Kind.SENT_NOT_RECEIVED, "says"),
+            (_taken(row), into, Kind.RECEIVED_NOT_SENT, "takes"),
+        ):
+            for word in words:
+                key = (row.number, *_act(word))
+                if _act(word) not in known and word.act != ALWAYS and key not in told:
+                    told.add(key)
+                    yield Finding(kind, where, f"{verb} {word.use} {word.act}, which no message lists", "list it", at)
+
+
+def _said(row: Row) -> list[Said]:
+    """Everything a row may say; an observation that is owed is an inform."""
+    owed = [Said(use, Performative.INFORM, row.event.kind) for use in row.owes]
+    return [*row.say, *row.may, *owed]
+
+
+def _taken(row: Row) -> list[Said]:
+    event = row.event
+    return [Said(event.name, event.act, event.kind)] if event.cause is Cause.TAKE and event.act is not None else []
+
+
+def _act(word: Said) -> tuple[str, Performative]:
+    """Use and act, whatever the guard word."""
+    return word.use, word.act
+
+
+def _of(one: Heard) -> tuple[str, Performative]:
+    return one.use.name, one.act
+
+
+# --- Whether the parameters of agents can be: defaults and choices that fit, bounds that make sense, a key to set them
+
+
+SIGNAL = "control"
+"""The kind of signal by which parameters are set."""
+
+
+def parameter_findings(design: Design) -> Iterator[Finding]:
+    """Parameters that nobody could set, or that no value fits."""
+    readers = {name for signal in design.signals.values() if signal.kind == SIGNAL for name in signal.readers}
+    for index, agent in enumerate(design.file.agent):
+        if agent.parameter and agent.name not in readers:
+            wrong = f"has parameters, but reads no [[signal]] of kind {SIGNAL!r}, so nobody can set them"
+            yield Finding(Kind.PARAMETER, f"agent {agent.name}", wrong, "name it among the readers", ("agent", index))
+        for number, entry in enumerate(agent.parameter):
+            yield from _parameter(agent, entry, ("agent", index, "parameter", number))
+
+
+def _parameter(agent: elements.Agent, entry: elements.Parameter, at: Path_) -> Iterator[Finding]:
+    where = f"agent {agent.name}, parameter {entry.name}"
+    least, most = entry.least, entry.most
+    if (least is not None or most is not None) and entry.type not in COUNTABLE:
+        yield Finding(Kind.PARAMETER, where, f"a {entry.type.value} has bounds", "leave least and most out", at)
+        return
+    if least is not None and most is not None and least > most:
+        yield Finding(Kind.PARAMETER, where, f"least {least:g} is above most {most:g}", "exchange them", at)
+        return
+    for field, values in (("default", (entry.default,)), ("choices", entry.choices)):
+        for value in values:
+            try:
+                Parameters(agent).fitted(entry.name, value)
+            except ParameterError as error:
+                yield Finding(Kind.PARAMETER, where, f"{field} is {value!r}", f"it must be {error.right}", (*at, field))
+                return
+
+
+# --- Cycles of who waits for whom, as far as the state machines alone show them --------------------------------------
+# Method: closed sets of deaf states. An agent in a state acts only in the protocols under its `talks`. A set of agents,
+# one state each (none of them a state of rest), may wait for ever if every protocol a member talks in joins it with
+# another member whose own state does not talk in that protocol, and each member has opened one of its protocols and so
+# waits for an answer. Such sets are looked for, by backtracking from each agent. Their absence proves that there is no
+# set of this form, and not that nobody waits for ever: one use more under a member's `talks`, with an agent that hears
+# it, keeps the set open, though what the member waits for never comes. That, the order of messages, conditions of arcs
+# and faults are for the exploration of the composed system (topdown.prove).
+
+
+class Waiting(NamedTuple):
+    """An agent in a state: the peers it could hear from, by protocol; `opens`: protocols in which it is initiator."""
+
+    agent: str
+    state: str
+    peers: dict[str, str]
+    opens: frozenset[str]
+
+
+def wait_findings(design: Design) -> Iterator[Finding]:
+    """Each smallest set of agents once, with the states of the first way found."""
+    sets: dict[frozenset[str], tuple[Waiting, ...]] = {}
+    candidates = {agent.name: tuple(_waitings(design, agent)) for agent in design.file.agent}
+    talks = {(agent.name, state.name): set(state.talks) for agent in design.file.agent for state in agent.state}
+    for agent in candidates:
+        for first in candidates[agent]:
+            found = _closed({agent: first}, candidates, talks)
+            if found is not None:
+                sets.setdefault(frozenset(found), tuple(found.values()))
+    for agents, waiting in sets.items():
+        if not any(other < agents for other in sets):  # else the smaller set says it all
+            yield _finding(design, waiting)
+
+
+def _waitings(design: Design, agent: elements.Agent) -> Iterator[Waiting]:
+    """The states in which the agent does nothing but wait for peers, one of which it has asked."""
+    rest = agent.rest or (agent.initial,)
+    for state in agent.state:
+        uses = [design.protocols[name] for name in state.talks if name in design.protocols]
+        peers = {use.name: use.participant if use.initiator == agent.name else use.initiator for use in uses}
+        opens = frozenset(use.name for use in uses if use.initiator == agent.name)
+        if opens and state.name not in rest:
+            yield Waiting(agent.name, state.name, peers, opens)
+
+
+def _closed(
+    chosen: dict[str, Waiting], candidates: dict[str, tuple[Waiting, ...]], talks: dict[tuple[str, str], set[str]]
+) -> dict[str, Waiting] | None:
+    """Return the chosen ones and those they wait for, all deaf to each other; None: one of them would hear."""
+    for waiting in chosen.values():
+        for use, peer in waiting.peers.items():
+            if peer in chosen and use in talks[peer, chosen[peer].state]:
+                return None
+    missing = [(u, p) for w in chosen.values() for u, p in w.peers.items() if p not in chosen]
+    if not missing:
+        return chosen
+    use, peer = missing[0]
+    for other in candidates.get(peer, ()):
+        if use not in talks[peer, other.state]:
+            found = _closed({**chosen, peer: other}, candidates, talks)
+            if found is not None:
+                return found
+    return None
+
+
+def _finding(design: Design, waiting: tuple[Waiting, ...]) -> Finding:
+    who = ", ".join(
+        f"{one.agent} in {one.state} for {' and '.join(sorted(set(one.peers.values())))}" for one in waiting
+    )
+    heard = " or ".join(sorted(f"{peer} {use}" for one in waiting for use, peer in one.peers.items()))
+    index = next(i for i, agent in enumerate(design.file.agent) if agent.name == waiting[0].agent)
+    wrong = f"may wait for each other for ever (closed set of deaf states): {who}"
+    right = f"let one of these states talk in what the other waits for: {heard}"
+    where = ", ".join(f"agent {one.agent}" for one in waiting)
+    return Finding(Kind.WAITS, where, wrong, right, ("agent", index))

@@ -6,10 +6,144 @@ polygons and nothing has an id, so that any number of drawings can stand in one 
 
 from collections.abc import Sequence
 from html import escape
+from itertools import combinations
 from math import fsum, hypot
+from string import Template
 from typing import NamedTuple
 
-from topdown.draw import style
+# --- Colours and rules of the drawings. Every colour is backed by a dash, a weight or a word, so grey prints read, too
+# Plain values instead of CSS variables, since viewers of SVG files other than browsers have none.
+
+
+FONT = "Helvetica, Arial, 'Liberation Sans', sans-serif"
+
+LIGHT = {
+    "paper": "#ffffff",
+    "ink": "#1b2530",
+    "muted": "#56636f",
+    "line": "#7d8a96",
+    "fill": "#f1f5f8",
+    "dim": "#d5dde4",
+    "accent": "#0a5c9e",
+    "warm": "#9c4206",
+}
+DARK = {
+    "paper": "#14191f",
+    "ink": "#e5eaef",
+    "muted": "#a3b0bc",
+    "line": "#73808c",
+    "fill": "#1f2831",
+    "dim": "#3a4651",
+    "accent": "#74b8f4",
+    "warm": "#f2a766",
+}
+
+_DRAWING = Template("""
+.drawing .ground{fill:$paper}
+.drawing text{fill:$ink}
+.drawing .quiet{fill:$muted}
+.drawing .marked{fill:$accent}
+.drawing .alert{fill:$warm}
+.drawing .box{fill:$fill;stroke:$line}
+.drawing .gone{fill:$dim;stroke:$line}
+.drawing .fresh{fill:$fill;stroke:$accent;stroke-width:2.5}
+.drawing .group{fill:$fill;stroke:$ink;stroke-dasharray:6 3}
+.drawing .inner{fill:$paper;stroke:$line}
+.drawing .patch{fill:$paper}
+.drawing .frame{fill:none;stroke:$line}
+.drawing .tab{fill:$dim;stroke:$line}
+.drawing .dot{fill:$ink;stroke:$ink}
+.drawing .port{fill:$paper;stroke:$accent}
+.drawing .port.full{fill:$accent}
+.drawing text.knock{fill:$paper}
+.drawing .edge{fill:none;stroke:$ink;stroke-width:1.4}
+.drawing .thin{fill:none;stroke:$line}
+.drawing .life{fill:none;stroke:$line;stroke-dasharray:4 4}
+.drawing .channel{fill:none;stroke:$accent;stroke-width:1.8}
+.drawing .channel.dashed{stroke-dasharray:7 4}
+.drawing .new{stroke-width:3}
+.drawing .head{fill:$ink}
+.drawing .channelhead{fill:$accent}
+""")
+
+_PAGE = Template("""
+body{background:$paper;color:$ink}
+a{color:$accent}
+h1,h2,h3,nav{border-color:$dim}
+caption,figcaption,.note,.lead,nav b,footer{color:$muted}
+th,td{border-color:$dim}
+thead th{color:$muted}
+tbody tr:hover td,tbody tr:hover th{background:$fill}
+code,details{background:$fill}
+figure{border-color:$dim}
+""")
+
+SHAPES = f""".drawing text{{font-family:{FONT};font-size:13px}}
+.drawing .strong{{font-weight:bold}}
+.drawing .small{{font-size:11px}}
+.drawing .large{{font-size:15px}}
+"""
+
+LAYOUT = f"""html{{font:15px/1.5 {FONT}}}
+body{{margin:0 auto;max-width:1180px;padding:0 20px 60px}}
+h1{{margin:32px 0 4px;font-size:28px}}
+h2{{margin:48px 0 8px;padding-top:14px;border-top:2px solid;font-size:21px}}
+h3{{margin:26px 0 6px;font-size:16px}}
+p{{margin:6px 0;max-width:80ch}}
+nav{{margin:20px 0;padding:12px 0;border-top:1px solid;border-bottom:1px solid;columns:3 240px}}
+nav div{{break-inside:avoid;margin:0 0 10px}}
+nav b,nav a{{display:block}}
+.wide{{overflow-x:auto;margin:10px 0}}
+table{{border-collapse:collapse;font-size:14px}}
+caption{{text-align:left;padding:4px 0;font-weight:bold}}
+th,td{{text-align:left;vertical-align:top;padding:4px 18px 4px 0;border-bottom:1px solid}}
+thead th{{font-size:12px;white-space:nowrap}}
+tbody th{{white-space:nowrap}}
+td{{min-width:3em;max-width:52ch;overflow-wrap:anywhere}}
+figure{{width:fit-content;max-width:100%;box-sizing:border-box;margin:14px 0;padding:12px;
+border:1px solid;border-radius:6px;overflow-x:auto}}
+figure svg{{display:block;max-width:100%;height:auto}}
+.pair{{display:flex;flex-wrap:wrap;gap:0 32px;align-items:flex-start;margin:18px 0 30px}}
+.pair>div{{flex:0 1 auto;min-width:0;max-width:100%}}
+.pair td{{max-width:38ch}}
+.pair p{{max-width:58ch}}
+figcaption{{padding:0 0 8px;font-size:14px}}
+.note{{font-size:13px}}
+details{{margin:8px 0;padding:6px 12px;border-radius:6px;font-size:14px}}
+summary{{cursor:pointer}}
+footer{{margin-top:60px;font-size:13px}}
+"""
+
+PRINT = """@media print{
+html{font-size:11px}
+body{max-width:none;padding:0}
+h2{break-after:avoid}
+h3,caption,figcaption{break-after:avoid}
+figure,tr{break-inside:avoid}
+figure{overflow:visible;border:0;padding:0}
+.wide{overflow:visible}
+figure svg{max-height:23cm;width:auto;min-width:0!important}
+.pair figure svg{max-height:8cm}
+nav a{text-decoration:none}
+}
+"""
+
+
+def drawing_rules() -> str:
+    """CSS of a drawing that stands alone."""
+    dark = _DRAWING.substitute(DARK)
+    return f"{SHAPES}{_DRAWING.substitute(LIGHT).strip()}\n@media (prefers-color-scheme: dark){{{dark}}}\n"
+
+
+def page_rules() -> str:
+    """CSS of the page and of all drawings in it; paper is always light."""
+    light = (_PAGE.substitute(LIGHT) + _DRAWING.substitute(LIGHT)).strip()
+    dark = _PAGE.substitute(DARK) + _DRAWING.substitute(DARK)
+    return f"{LAYOUT}{SHAPES}{light}\n@media screen and (prefers-color-scheme: dark){{{dark}}}\n{PRINT}"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 MARGIN = 16.0
 SIZES = {"small": 11.0, "large": 15.0}
@@ -155,7 +289,7 @@ class Canvas:
         """The drawing; `alone`: with its own style, as a file, else for a page that has the style."""
         frame = self.frame
         left, top, width, height = (_number(value) for value in frame)
-        rules = f"<style>{escape(style.drawing_rules(), quote=False)}</style>\n" if alone else ""
+        rules = f"<style>{escape(drawing_rules(), quote=False)}</style>\n" if alone else ""
         size = f'width="{width}" height="{height}"'
         if not alone:  # never larger than drawn; in a narrow window scrolled rather than unreadable
             least = min(frame.width, max(360.0, 0.6 * frame.width))
@@ -174,3 +308,96 @@ def _number(value: float) -> str:
     """A coordinate to a tenth of a pixel."""
     text = f"{value:.1f}".removesuffix(".0")
     return "0" if text == "-0" else text
+
+
+# --- Layout of figures: cells for the agents of a system, tracks for lines that run beside each other ----------------
+# Agents stand in two rows of cells, so that channels are short and cross little. Between the rows is a corridor that
+# no box reaches into, so a line from one row to the other meets no box; lines inside a row run between neighbours or
+# outside around. The search is a descent from several starts, the same every time.
+
+
+Pair = tuple[str, str]
+Span = tuple[float, float]
+Cell = tuple[int, int]
+"""Row (0 above, 1 below) and column."""
+
+
+def placed(names: Sequence[str], pairs: Sequence[Pair]) -> dict[str, Cell]:
+    """A cell for each name."""
+    columns = max(1, (len(names) + 1) // 2)
+    seats: list[str] = [*names, *[""] * (2 * columns - len(names))]
+    starts = (seats[turn:] + seats[:turn] for turn in range(len(seats)))
+    found = [turned for start in starts for turned in _turned(_descended(start, pairs), columns)]
+    best = min(found, key=lambda seating: _judged(seating, names, pairs))
+    return {name: cell for name, cell in _cells(best).items() if name}
+
+
+def _descended(seats: list[str], pairs: Sequence[Pair]) -> list[str]:
+    """Swap two seats as long as that is better."""
+    here, cost = seats, _cost(seats, pairs)
+    while True:
+        swapped = [_swapped(here, i, j) for i, j in combinations(range(len(here)), 2)]
+        best = min(swapped, key=lambda seating: _cost(seating, pairs), default=here)
+        if _cost(best, pairs) >= cost:
+            return here
+        here, cost = best, _cost(best, pairs)
+
+
+def _turned(seats: list[str], columns: int) -> list[list[str]]:
+    """The same picture, also upside down, in a mirror, and both."""
+    above, below = seats[:columns], seats[columns:]
+    mirrored = above[::-1], below[::-1]
+    return [seats, below + above, mirrored[0] + mirrored[1], mirrored[1] + mirrored[0]]
+
+
+def _judged(seats: list[str], names: Sequence[str], pairs: Sequence[Pair]) -> tuple[int, list[int]]:
+    """The cost; of equals, the first names should stand first."""
+    return _cost(seats, pairs), [seats.index(name) for name in names]
+
+
+def _swapped(seats: list[str], i: int, j: int) -> list[str]:
+    other = list(seats)
+    other[i], other[j] = other[j], other[i]
+    return other
+
+
+def _cells(seats: Sequence[str]) -> dict[str, Cell]:
+    columns = len(seats) // 2
+    return {name: divmod(index, columns) for index, name in enumerate(seats)}
+
+
+def _cost(seats: Sequence[str], pairs: Sequence[Pair]) -> int:
+    """Lengths and crossings; round outside is worst. The weights are estimates, judged by the look of the result."""
+    cells = _cells(seats)
+    ends = [(cells[a], cells[b]) for a, b in pairs]
+    across = [(a[1], b[1]) if a[0] == 0 else (b[1], a[1]) for a, b in ends if a[0] != b[0]]
+    crossings = sum((a - c) * (b - d) < 0 for (a, b), (c, d) in combinations(across, 2))
+    return 40 * crossings + sum(_length(a, b) for a, b in ends)
+
+
+def _length(one: Cell, other: Cell) -> int:
+    distance = abs(one[1] - other[1])
+    if one[0] != other[0]:
+        return 10 + 15 * distance
+    return 11 if distance == 1 else 40 + 20 * distance
+
+
+def tracks(spans: Sequence[Span], gap: float = 8.0) -> list[int]:
+    """A track (0: the innermost) for each span, short ones inside; spans in one track are `gap` apart."""
+    taken: list[list[Span]] = []
+    found = [0] * len(spans)
+    for index in sorted(range(len(spans)), key=lambda i: (abs(spans[i][1] - spans[i][0]), i)):
+        low, high = sorted(spans[index])
+        track = 0
+        while track < len(taken) and any(low < b + gap and a < high + gap for a, b in taken[track]):
+            track += 1
+        if track == len(taken):
+            taken.append([])
+        taken[track].append((low, high))
+        found[index] = track
+    return found
+
+
+def spread(count: int, low: float, high: float) -> list[float]:
+    """Return `count` positions between two ends, at equal distances."""
+    return [low + (high - low) * (number + 1) / (count + 1) for number in range(count)]

@@ -7,9 +7,8 @@ those further down run at the right, those back up at the left, each in a track 
 
 import msgspec
 
-from topdown.draw.canvas import Box, Canvas, Point, width_of
+from topdown.draw.canvas import Box, Canvas, Point, tracks, width_of
 from topdown.draw.document import Figure, Grid, Section, listed, rulings
-from topdown.draw.layout import tracks
 from topdown.model.design import Design
 from topdown.model.elements import Agent, Arc, State
 

@@ -6,8 +6,7 @@ from topdown.draw import sequence
 from topdown.draw.canvas import Canvas
 from topdown.draw.channels import seconds, size
 from topdown.draw.document import Figure, Grid, Section, listed, rulings
-from topdown.draw.exchange import Exchange, exchange
-from topdown.draw.joint_states import Sayable, spoken
+from topdown.draw.exchange import Exchange, Sayable, exchange, spoken
 from topdown.model.design import Design
 from topdown.model.elements import Message
 from topdown.model.elements import Protocol as Use

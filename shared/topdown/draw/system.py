@@ -6,9 +6,8 @@ the border: x receives, y sends.
 
 import msgspec
 
-from topdown.draw.canvas import Box, Canvas, Point, width_of, wrapped
+from topdown.draw.canvas import Box, Canvas, Point, placed, spread, tracks, width_of, wrapped
 from topdown.draw.document import Figure, Section
-from topdown.draw.layout import placed, spread, tracks
 from topdown.draw.steps import natural
 from topdown.draw.text import hung
 from topdown.model.decomposition import Channel

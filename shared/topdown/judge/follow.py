@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
-from fipa_codec.labels import Needs, needs
+from fipa_codec.conversation import Needs, needs
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Table, Way
@@ -253,7 +253,7 @@ class Followed:
         return Said(act, kinds, label, answers, self.durable)
 
     def mislabelled(self, role: Role, act: Performative, label: str) -> str:
-        """Return what is wrong with the label of a repeated message, "" where nothing is (fipa_codec.labels).
+        """Return what is wrong with the label of a repeated message, "" where nothing is (fipa_codec.conversation).
 
         A repeated opening has the same one. A new round has none of an earlier round or of a cancel; nor has a cancel,
         but for that of its opening.

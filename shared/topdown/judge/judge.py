@@ -6,6 +6,8 @@ explains waits up to `patience_s` for one that does. Time comes in as an argumen
 beginning was not heard is not judged, and never an alarm.
 """
 
+import heapq
+from collections.abc import Callable
 from itertools import count
 
 from fipa_codec.communicate import Communicate, decode_strictly, number_of
@@ -15,9 +17,32 @@ from fipa_codec.tables import Role
 from topdown.judge.admission import Admission, Read
 from topdown.judge.conversations import Entry, Talk, Talks
 from topdown.judge.copies import Copies, Known, Pair, Streams
-from topdown.judge.timers import Timers
 from topdown.judge.verdicts import Heard, Judgement, Verdict
 from topdown.model.design import Design
+
+# --- Calls due at given times. No clock: the caller passes the time --------------------------------------------------
+
+
+class Timers:
+    """Calls, in the order of their times; of equal times in the order they were asked for."""
+
+    def __init__(self) -> None:
+        self._waiting: list[tuple[float, int, Callable[[float], None]]] = []
+        self._order = count()
+
+    def later(self, at: float, then: Callable[[float], None]) -> None:
+        """Have `then(at)` called once it is `at` [s]."""
+        heapq.heappush(self._waiting, (at, next(self._order), then))
+
+    def run(self, now: float) -> None:
+        """It is `now` [s]: call what is due."""
+        while self._waiting and self._waiting[0][0] <= now:
+            at, _, then = heapq.heappop(self._waiting)
+            then(at)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 PATIENCE_S = 3.0
 """Longest wait of a communicate for its explanation [s]. Longer than the longest wait between two sendings of a

@@ -8,8 +8,8 @@ into a finding.
 
 import msgspec
 
+from topdown.model.elements import NewChannel, Step
 from topdown.model.findings import Kind
-from topdown.model.method import NewChannel, Step
 
 
 class Channel(msgspec.Struct, frozen=True):

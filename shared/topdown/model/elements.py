@@ -11,18 +11,157 @@ import msgspec
 
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Way
-from topdown.model.method import Complement as Complement
-from topdown.model.method import Division as Division
-from topdown.model.method import Entry as Entry
-from topdown.model.method import Group as Group
-from topdown.model.method import NewChannel as NewChannel
-from topdown.model.method import Reallocation as Reallocation
-from topdown.model.method import Requirement as Requirement
-from topdown.model.method import Split as Split
-from topdown.model.method import Step as Step
-from topdown.model.method import Stop as Stop
-from topdown.model.method import Task as Task
-from topdown.model.statements import Claim, Outcome, Tally
+
+# --- The method's own entries of a design file: the requirement tree, and the steps of the decomposition -------------
+# The paper, section 4, steps 1 and 2. `ruling` on any entry: the paper is silent or contradicts itself, and this is
+# what the design does.
+
+
+class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """An entry of a design file: unknown fields are errors, since they are misspelt ones."""
+
+    ruling: str = ""
+
+
+class Requirement(Entry, frozen=True):
+    """A node of the requirement tree; no `parent`: a root.
+
+    `evidence`: what shows that it is met, each "event:NAME" (of a run's report), "test:PATH" or "test:PATH::NAME",
+    "message:USE act" or "message:USE act CLASS" (a communicate of a recording).
+    """
+
+    id: str
+    text: str
+    parent: str = ""
+    evidence: tuple[str, ...] = ()
+
+
+class Division(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A group is divided in two halves, both with coherent tasks."""
+
+    group: str
+    into: tuple[str, str]
+
+
+class Task(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The task of a group."""
+
+    group: str
+    text: str
+
+
+class Reallocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The divided group's end of a channel goes to one half."""
+
+    channel: str
+    to: str
+
+
+class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Both halves need the channel: it is retired, and two new ones take its place (first and second half)."""
+
+    channel: str
+    into: tuple[str, str]
+
+
+class Complement(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A channel transmits more than before."""
+
+    channel: str
+    adds: str
+
+
+class NewChannel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A channel that arises in a step."""
+
+    id: str
+    between: tuple[str, str]
+    transmits: str
+
+
+class Stop(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The designer judges the group graspable: it is divided no further."""
+
+    group: str
+    reason: str
+
+
+class Step(Entry, frozen=True):
+    """A step of the decomposition, for one or more requirements (paper, section 4, step 2)."""
+
+    requirements: tuple[str, ...]
+    divide: Division | None = None
+    tasks: tuple[Task, ...] = ()
+    reallocate: tuple[Reallocation, ...] = ()
+    split: tuple[Split, ...] = ()
+    complement: tuple[Complement, ...] = ()
+    channels: tuple[NewChannel, ...] = ()
+    stop: tuple[Stop, ...] = ()
+
+
+class Group(Entry, frozen=True):
+    """A group that stays a group in this design: divided no further here, and no agent."""
+
+    name: str
+    text: str = ""
+
+
+# --- Statements of a designer beside the design: its outcome, figures that stand in two places, counts of a run ------
+# A design that is only transcribed (a paper, a report) contradicts itself here first: the checks put each statement
+# beside the others and beside what the steps and protocols give. Nothing here knows a particular system.
+
+
+class Stated(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of statements. `where`: the place the statement stands in, as people find it."""
+
+    where: str
+
+
+class StatedChannel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A channel as the designer lists it at the end."""
+
+    id: str
+    between: tuple[str, str]
+
+
+class Outcome(Stated, frozen=True):
+    """The sets the method puts out, written down: agents, groups that stay groups, channels (paper, section 4)."""
+
+    agents: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
+    channels: tuple[StatedChannel, ...] = ()
+
+
+class Statement(Stated, frozen=True):
+    """One statement of a claim: exactly one of `says` (a figure, a word, or a set of words), `sum`, `product`, or
+    bounds (`least`, `most`; either may be missing). `over`: what a product is divided by.
+    """
+
+    says: float | str | tuple[str, ...] | None = None
+    sum: tuple[float, ...] = ()
+    product: tuple[float, ...] = ()
+    over: tuple[float, ...] = ()
+    least: float | None = None
+    most: float | None = None
+
+
+class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One thing that is stated in several places, which must agree; figures within the share `tolerance`."""
+
+    name: str
+    stated: tuple[Statement, ...]
+    unit: str = ""
+    tolerance: float = 0.0
+    ruling: str = ""
+
+
+class Tally(Stated, frozen=True):
+    """Communicates counted in a run: [sender, receiver, how many]. A pair that is missing had none."""
+
+    counts: tuple[tuple[str, str, int], ...]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 class System(Entry, frozen=True):

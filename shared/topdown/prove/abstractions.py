@@ -23,7 +23,7 @@ ABSTRACTIONS = (
     Abstraction(
         "words that change nothing (progress told and confirmed) are not sent",
         "their receiver stands as before after taking them, in every state in which they may come",
-        "topdown.prove.silence, and Fleet.not_silent after the exploration, over every state that was reached",
+        "topdown.prove.parts, and Fleet.not_silent after the exploration, over every state that was reached",
     ),
     Abstraction(
         "words under `may` are not said",

@@ -14,8 +14,7 @@ from topdown.model.design import Design
 from topdown.model.machines import Cause, Event, Machine, machines
 from topdown.prove.chaos import composed, groups
 from topdown.prove.local import GONE, Agent, Local
-from topdown.prove.parts import OWN, RESTART, SAY, Parts, Ready
-from topdown.prove.silence import endless
+from topdown.prove.parts import OWN, RESTART, SAY, Parts, Ready, endless
 from topdown.prove.soft import Ends, Soft
 
 QUEUE_BOUND = 5

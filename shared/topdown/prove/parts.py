@@ -3,17 +3,271 @@
 Everything that depends on an agent's local state alone is worked out once and kept.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Any, NamedTuple, Protocol
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
-from fipa_codec.tables import Role
+from fipa_codec.tables import RECEIVE, SEND, Role, Table, Way
+from topdown.model import elements
 from topdown.model.design import Design
-from topdown.model.machines import Cause, Machine, Said
-from topdown.prove.in_flight import Net
+from topdown.model.errors import DesignError
+from topdown.model.machines import NONE, Cause, Event, Machine, Row, Said
+from topdown.model.own_tables import act_word
 from topdown.prove.local import GONE, Agent, Effect, Local, Outcome
-from topdown.prove.nevers import Never, nevers
-from topdown.prove.silence import silent_words
+
+# --- Rules of a design that must never be broken: an agent says something while others are in a certain state --------
+
+
+IN, OWES = "in", "owes"
+
+
+class Composed(Protocol):
+    """Questions of a rule to the composed model (topdown.prove.parts.Parts): agents are numbered, uses are named."""
+
+    def state_of(self, agent: int, state: tuple[int, ...]) -> str:
+        """The name of the state that an agent is in."""
+
+    def owes(self, use: str, state: tuple[int, ...]) -> bool:
+        """Whether the newest news of a use is not yet told."""
+
+    def talk_of(self, agent: int, use: str, state: tuple[int, ...]) -> str:
+        """State of an agent's conversation of a use, "" where none is open."""
+
+
+class While(NamedTuple):
+    """A condition on an agent: it is in a state, owes news in a use, or has its conversation of a use in a state."""
+
+    agent: int
+    what: str
+    words: frozenset[str]
+
+    def holds(self, model: Composed, state: tuple[int, ...]) -> bool:
+        """Whether it holds in a state of the composed model."""
+        if self.what == IN:
+            return model.state_of(self.agent, state) in self.words
+        if self.what == OWES:
+            return any(model.owes(use, state) for use in self.words)
+        return (model.talk_of(self.agent, self.what, state) or NONE) in self.words
+
+
+class Never(NamedTuple):
+    """elements.Never, read."""
+
+    name: str
+    text: str
+    agent: str
+    says: frozenset[Said]
+    whiles: tuple[While, ...]
+
+    def broken(self, model: Composed, state: tuple[int, ...]) -> bool:
+        """Whether saying it in this state breaks the rule."""
+        return all(condition.holds(model, state) for condition in self.whiles)
+
+
+def nevers(design: Design, place: Mapping[str, int], machines: Mapping[str, Machine]) -> tuple[Never, ...]:
+    """The rules of a design. Raises DesignError for one that cannot be read."""
+    return tuple(_Reader(design, rule, place, machines).never() for rule in design.file.never)
+
+
+class _Reader:
+    """Reads one rule: a word that nothing answers to would make it hold for ever."""
+
+    def __init__(
+        self, design: Design, rule: elements.Never, place: Mapping[str, int], machines: Mapping[str, Machine]
+    ) -> None:
+        self.file, self.rule, self.place, self.machines = design.path or "design.toml", rule, place, machines
+
+    def never(self) -> Never:
+        rule = self.rule
+        self._among("agent", rule.agent, self.machines)
+        says = frozenset(map(self._said, rule.says))
+        return Never(rule.name, rule.text, rule.agent, says, tuple(map(self._while, rule.while_)))
+
+    def _said(self, text: str) -> Said:
+        use, _, word = text.partition(" ")
+        self._among(f"protocol of {self.rule.agent}", use, self.machines[self.rule.agent].uses)
+        try:
+            return Said(use, *act_word(word))
+        except ValueError as error:
+            raise self._error(f"{text!r}: {error}", 'write "USE act" or "USE act[kind]"') from error
+
+    def _while(self, text: str) -> While:
+        agent, _, rest = text.partition(" ")
+        what, _, words = rest.partition(" ")
+        if agent not in self.place or not words or what not in (IN, OWES, *self.machines[agent].uses):
+            right = 'write "AGENT in STATE|STATE", "AGENT owes USE" or "AGENT USE STATE|STATE"; agents are '
+            raise self._error(f"{text!r} is no condition", right + ", ".join(self.place))
+        for word in words.split("|"):
+            self._among(f"word in {text!r}:", word, self._known(self.machines[agent], what))
+        return While(self.place[agent], what, frozenset(words.split("|")))
+
+    def _known(self, machine: Machine, what: str) -> Collection[str]:
+        if what == IN:
+            return {state.name for state in machine.entry.state}
+        if what == OWES:
+            return {use.name for use in machine.uses.values() if use.latest and use.role is Role.PARTICIPANT}
+        use = machine.uses[what]
+        return {*map(str, use.protocol.tables[use.role].states), NONE}
+
+    def _among(self, kind: str, name: str, known: Collection[str]) -> None:
+        if name not in known:
+            raise self._error(f"no {kind} {name!r}", f"there are {', '.join(sorted(known)) or 'none'}")
+
+    def _error(self, wrong: str, right: str) -> DesignError:
+        return DesignError(self.file, None, f"never {self.rule.name}", wrong, right)
+
+
+# --- Words that change nothing: progress told and confirmed. They are proven to be so, and then left out of the model
+# A word is silent where its receiver, in whatever state its table lets it come, stands as before after taking it, and
+# answers with silent words only. Left out as well is thus a queue that such words fill: who may say one over and over
+# is told (`endless`). The proof looks afterwards at every state that was reached (`Agent.take`), since rows
+# may miss a state.
+
+
+def silent_words(machines: Iterable[Machine], forbidden: frozenset[Said] = frozenset()) -> frozenset[Said]:
+    """The greatest set of words of durable uses that are silent if all of the set are, but for those that a rule of the
+    design forbids at times.
+    """
+    kept = tuple(machines)
+    found = {said for machine in kept for said in _heard(machine)} - forbidden
+    while True:
+        loud = {said for machine in kept for said in _heard(machine) & found if not _is_silent(machine, said, found)}
+        if not loud:
+            return frozenset(found)
+        found -= loud
+
+
+def endless(machine: Machine, silent: Collection[Said]) -> Iterator[str]:
+    """Return in words what an agent says over and over in durable uses, taking nothing in between, though the model
+    leaves it out: words that are silent, and those under `may`.
+    """
+    for row in _free_loops(machine):
+        for said in dict.fromkeys((*(word for word in row.say if word in silent), *row.may)):
+            use = machine.uses[said.use]
+            if use.durable:
+                states = "|".join(sorted(row.states))
+                told = f"how many `{said}` of {machine.agent} wait for {use.peer}: in {states} on {row.event} it may be"
+                yield f"{told} said over and over (row {row.number}); a full outbox holds {machine.agent} back"
+
+
+def _free_loops(machine: Machine) -> Iterator[Row]:
+    """Rows without a message from whose next state such rows lead back to a state of theirs."""
+    free = [row for row in machine.rows if row.event.cause in (Cause.OWN, Cause.PERSON) and not row.several]
+    leads = {state: {row.to or state for row in free if state in row.states} for state in machine.waits}
+    for row in free:
+        if any(state in _reached(row.to or state, leads) for state in row.states):
+            yield row
+
+
+def _reached(start: str, leads: dict[str, set[str]]) -> set[str]:
+    """The states that free rows lead to from a state, itself included."""
+    found, waiting = {start}, [start]
+    while waiting:
+        more = leads[waiting.pop()] - found
+        found |= more
+        waiting += more
+    return found
+
+
+def _heard(machine: Machine) -> set[Said]:
+    """The messages an agent's tables let it take, in durable uses."""
+    return {
+        Said(use.name, row.performative, row.kind)
+        for use in machine.uses.values()
+        if use.durable
+        for row in use.protocol.tables[use.role]
+        if row.way is Way.RECEIVE
+    }
+
+
+def _is_silent(machine: Machine, said: Said, silent: set[Said]) -> bool:
+    event = Event(Cause.TAKE, *said)
+    rows = [row for row in machine.rows if row.event == event and not row.several]
+    use = machine.uses[said.use]
+    return (
+        bool(rows)
+        and all(_changes_nothing(row, silent) for row in rows)
+        and _loops(use.protocol.tables[use.role], said, silent)
+    )
+
+
+def _changes_nothing(row: Row, silent: set[Said]) -> bool:
+    stays = not row.to and not row.owes and not row.waits and not row.drop and not row.moves
+    return stays and all(said in silent for said in row.say)
+
+
+def _loops(table: Table, said: Said, silent: set[Said]) -> bool:
+    """Every row of the table that takes it comes back to its state, over silent words that it owes."""
+    rows = [row for row in table if row.way is RECEIVE and (row.performative, row.kind) == (said.act, said.kind)]
+    return all(row.state == _settled(table, str(row.to), said.use, silent) for row in rows)
+
+
+def _settled(table: Table, state: str, use: str, silent: set[Said]) -> str:
+    """Return the state that the words owed in a state lead to, if all of them are silent."""
+    seen = set()
+    while state in table.urgent and state not in seen:
+        seen.add(state)
+        owed = table.allowed(state, SEND)
+        if len(owed) != 1 or Said(use, owed[0].performative, owed[0].kind) not in silent:
+            break
+        state = str(owed[0].to)
+    return state
+
+
+# --- Words on their way outside the durable streams: questions, answers, subscriptions, the newest observations ------
+# A volatile channel is a set of words: copies of one word are one, and what belongs to a question that was given up is
+# dropped at once, as the receiver would. All operations are pure.
+
+
+class Net(NamedTuple):
+    """`words` on the way. `current`: the participant's conversation is the initiator's present one. `stale`: there is
+    news the initiator does not have, as far as the participant was told.
+    """
+
+    words: frozenset[Said] = frozenset()
+    current: bool = False
+    stale: bool = False
+
+    def opened(self, said: Said) -> "Net":
+        """The initiator asks, perhaps again: every other word on the way belongs to an older question."""
+        return Net(frozenset({said}), False, self.stale)
+
+    def closed(self) -> "Net":
+        """The initiator has its answer, gave up, or died: nobody waits for what is on the way."""
+        return Net(frozenset(), False, self.stale)
+
+    def orphaned(self) -> "Net":
+        """The participant's conversation is over, or gone with its death; what it said is still on the way."""
+        return self._replace(current=False)
+
+    def added(self, said: Said) -> "Net":
+        """One more word."""
+        return self._replace(words=self.words | {said})
+
+    def answered(self, said: Said) -> "Net":
+        """The participant says something; in a conversation that nobody holds any more it is lost."""
+        return self.added(said) if self.current else self
+
+    def owed(self, news: Said) -> "Net":
+        """Something new was observed: it is sent where somebody listens; older news are worth nothing."""
+        return Net(self.words | {news} if self.current else self.words - {news}, self.current, True)
+
+    def known(self, news: Said) -> "Net":
+        """The newest observation was taken, and its receipt came."""
+        return Net(self.words - {news}, self.current, False)
+
+    def taken(self, said: Said, *, copy: bool = False) -> "Net":
+        """A word was taken; of a copied one another is still on the way."""
+        return self if copy else self._replace(words=self.words - {said})
+
+    def accepted(self) -> "Net":
+        """The participant took the opening: its conversation is the present one."""
+        return self._replace(current=True)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 SAY, OPEN, CLOSE, ORPHAN, OWE, ANSWER, ADD = range(7)
 OWN, RESTART = "own", "restart"

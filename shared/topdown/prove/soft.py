@@ -12,9 +12,8 @@ from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Role, Table
 from topdown.model import elements
 from topdown.model.machines import Said
-from topdown.prove.in_flight import Net
 from topdown.prove.local import Stray
-from topdown.prove.parts import Parts, Ready
+from topdown.prove.parts import Net, Parts, Ready
 
 
 class Ends(NamedTuple):

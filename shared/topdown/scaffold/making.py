@@ -5,9 +5,8 @@ from pathlib import Path
 from topdown.model import loading
 from topdown.model.design import Design
 from topdown.scaffold.agents import agent_files
-from topdown.scaffold.errors import ScaffoldError
 from topdown.scaffold.languages import language_files
-from topdown.scaffold.naming import require_names
+from topdown.scaffold.naming import ScaffoldError, require_names
 from topdown.scaffold.project import project_files as once
 from topdown.scaffold.tests import check_files
 from topdown.scaffold.writing import Outcome, write

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from agent_runtime.core.state import Outgoing
-from agent_runtime.io.journal_format import MAGIC, frame
+from agent_runtime.io.journal import MAGIC, frame
 from agent_runtime.io.tap import Sample
 from agent_runtime.testing.step_logs import StepLogs
 from fipa_codec.communicate import Communicate, encode

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from agent_runtime.io.repeats import SINGLY
+from agent_runtime.io.logs import SINGLY
 from agent_runtime.io.tap import Sample
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode

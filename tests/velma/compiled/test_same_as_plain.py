@@ -17,15 +17,13 @@ from velma.control import cartesian, grip, law
 from velma.control.cartesian import CartesianImpedance, task_damping
 from velma.control.dynamics import Dynamics
 from velma.control.grip import Wrists
-from velma.kinematics import arm, chain, collision, ik, motion, timing
-from velma.kinematics.arm import ArmGeometry
-from velma.kinematics.collision import World
+from velma.kinematics import collision, ik, motion, robot, timing
+from velma.kinematics.collision import Near, PlainChecks, World
 from velma.kinematics.frames import standing
-from velma.kinematics.near import Near
-from velma.kinematics.plain_checks import PlainChecks
+from velma.kinematics.ik import ArmGeometry
 from velma.kinematics.robot import ROBOT_XML, Robot
 from velma.kinematics.shapes import Box, Cylinder, Sphere, nearer
-from velma.kinematics.spline import Spline
+from velma.kinematics.timing import Spline
 
 pytestmark = pytest.mark.skipif(
     compiled.library() is None,
@@ -58,13 +56,13 @@ def without(module: object, make: Callable[[], Any]) -> Any:
 
 def plain_robot() -> Robot:
     """A robot whose chains run by Pinocchio."""
-    robot: Robot = without(chain, Robot)
-    return robot
+    made: Robot = without(robot, Robot)
+    return made
 
 
 ROBOT, PLAIN, DYNAMICS = Robot(), plain_robot(), Dynamics(ROBOT_XML)
 ARMS = {side: ArmGeometry(ROBOT, side) for side in names.SIDES}
-PLAIN_ARMS = {side: without(arm, lambda side=side: ArmGeometry(ROBOT, side)) for side in names.SIDES}
+PLAIN_ARMS = {side: without(ik, lambda side=side: ArmGeometry(ROBOT, side)) for side in names.SIDES}
 
 
 def postures(seed: int, count: int) -> np.ndarray:

@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from velma.control import cartesian, damping, hand, head, joint, limits
+from velma.control import cartesian, damping, hand, joint, limits
 from velma.control.cartesian import CartesianGains, CartesianImpedance
 from velma.control.dynamics import Dynamics
 from velma.model.build import ROBOT_XML
@@ -181,7 +181,7 @@ def test_the_fastest_possible_speed_is_still_damped():
 )
 def test_head_stays_in_limits_and_below_its_speed(target, goal, speed):
     """One step is at most speed * dt, ends within the limits, and comes nearer."""
-    after = head.advance(target, goal, speed, 0.002)
+    after = joint.advance(target, goal, speed, 0.002)
     allowed = np.clip(goal, HEAD_LOWER, HEAD_UPPER)
     assert np.linalg.norm(after - target) <= min(speed, HEAD_SPEED) * 0.002 + 1e-12
     assert np.linalg.norm(after - allowed) <= np.linalg.norm(target - allowed) + 1e-12

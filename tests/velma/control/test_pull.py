@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from velma.control import pull
+from velma.control import grip
 from velma.control.cartesian import GRAVITY
-from velma.control.grip import HAND_KG
-from velma.control.pull import Pull
+from velma.control.grip import HAND_KG, Pull
 
 LEAST, WINDOW = 5.0, 150  # N; cycles: 0.3 s
 AWAY, UP = (1.0, 0.0, 0.0), (0.0, 0.0, GRAVITY)
-YIELDS = 2.0 / pull.STIFFNESS  # m/N: of the hand, more than it must
+YIELDS = 2.0 / grip.STIFFNESS  # m/N: of the hand, more than it must
 N = st.floats(-200.0, 200.0)
 ANYTHING = st.floats(allow_nan=True, allow_infinity=True)
 READING = st.tuples(*[ANYTHING] * 6)
@@ -29,8 +28,8 @@ def longest(pulls, least=LEAST, wrist=None, beside=None):
     for cycle, size in enumerate(pulls):
         reading = (-size, 0.0, HAND_KG * GRAVITY, 0.0, 0.0, 1e-6 * (cycle % 7))
         reading = wrist(cycle, reading) if wrist else reading
-        told = pull.size(reading[:3], UP, 0.0, AWAY)
-        felt = pull.pulled(felt, reading, told, told, YIELDS * size if beside is None else beside, least)
+        told = grip.size(reading[:3], UP, 0.0, AWAY)
+        felt = grip.pulled(felt, reading, told, told, YIELDS * size if beside is None else beside, least)
         most = max(most, felt.steady)
     return most
 
@@ -54,7 +53,7 @@ def test_a_knock_does_not_last_longer_for_the_filters_before_it(size, cycles):
     for cycle in range(2 * WINDOW):
         now = size if cycle < cycles else 0.0
         reading = (-now, 0.0, 1.0 + 1e-6 * (cycle % 7), 0.0, 0.0, 0.0)
-        felt = pull.pulled(felt, reading, size, now, 1.0, LEAST)
+        felt = grip.pulled(felt, reading, size, now, 1.0, LEAST)
         most = max(most, felt.steady)
     assert most < WINDOW
 
@@ -67,7 +66,7 @@ def test_what_is_no_pull_away_from_the_robot_is_not_felt(size):
 @given(st.floats(0.0, 5.0), st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
 def test_the_weight_and_forces_aside_are_no_pull(kg, aside, upwards):
     force = (0.0, aside, (HAND_KG + kg) * GRAVITY + upwards)
-    assert pull.size(force, UP, kg, AWAY) == pytest.approx(0.0, abs=1e-9)
+    assert grip.size(force, UP, kg, AWAY) == pytest.approx(0.0, abs=1e-9)
 
 
 @given(st.lists(READING, max_size=300), ANYTHING)
@@ -75,7 +74,7 @@ def test_readings_that_are_no_numbers_or_nothing_open_never(readings, told):
     felt = Pull()
     for reading in readings:
         wrong = not all(map(math.isfinite, (*reading, told))) or not any(reading)
-        felt = pull.pulled(felt, reading, told, told, 1.0, LEAST)
+        felt = grip.pulled(felt, reading, told, told, 1.0, LEAST)
         assert felt.steady == 0 or not wrong
 
 
@@ -88,7 +87,7 @@ def test_a_wrist_that_is_stuck_opens_never(begun, size, other):
 
 @given(st.floats(-100.0, 100.0), st.floats(-1.0, 0.49))
 def test_a_wrist_that_is_off_opens_never_while_the_arm_does_not_yield(error, share):
-    beside = share * LEAST / pull.STIFFNESS
+    beside = share * LEAST / grip.STIFFNESS
     off = longest([error] * 500, beside=beside)
     assert off == 0
 

@@ -16,8 +16,7 @@ from velma.eyes.fit import View
 from velma.eyes.lens import lens
 from velma.kinematics.robot import Robot
 from velma.model.grains import grain_name
-from velma.model.kinds import Model
-from velma.model.numbers import objects
+from velma.model.kinds import Model, objects
 from velma.model.scene import Content, Scene, load
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.photographs import Photographs

@@ -7,8 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from velma.eyes import bits
-from velma.eyes.detect import Detector
-from velma.eyes.edges import refined
+from velma.eyes.detect import Detector, refined
 
 SIZE, FINE = 160, 8  # the picture and how many samples a pixel has each way
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from velma.eyes import beginning
-from velma.eyes.fit import FLOOR_PX, View, _linear, fit
+from velma.eyes.fit import FLOOR_PX, View, _linear, fit, largest, poses
 from velma.eyes.lens import lens
 from velma.model.kinds import Model
 from velma.model.markers import Marker, of_scene
@@ -84,9 +83,9 @@ def test_a_tipped_body_is_found_from_its_largest_marker(
     view, rotation = looking(position), pin.exp3(np.array([*turn, 0.0])) @ towards(yaw)
     at = pixels(view, rotation, position)
     found = {one.number: at[4 * k : 4 * k + 4] for k, one in enumerate(SEEN)}
-    number = beginning.largest(found)
+    number = largest(found)
     marker = next(one for one in SEEN if one.number == number)
-    starts = beginning.poses(view, marker, found[number])
+    starts = poses(view, marker, found[number])
     assert len(starts) in (1, 2)
     assert starts[0][0][2, 2] >= starts[-1][0][2, 2]
     fits = [one for start in starts if (one := fit(view, CORNERS, at, start, upright=False))]

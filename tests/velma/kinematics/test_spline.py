@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from velma.kinematics.spline import Spline
+from velma.kinematics.timing import Spline
 
 places = st.lists(st.floats(0.05, 2.0), min_size=1, max_size=12).map(lambda gaps: np.cumsum([0.0, *gaps]))
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from velma import names
 from velma.kinematics import timing
 from velma.kinematics.robot import Robot
-from velma.kinematics.spline import Spline
+from velma.kinematics.timing import Spline
 
 TOOL_SPEED = 0.35
 # Rows of seed of `_varied`, tool speed [m/s] and duration [s] that toppra 0.6.10 found, before the moving average.

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from velma.kinematics.shortening import STEP, clear, halving, rounder, shortened
+from velma.kinematics.motion import STEP, clear, grow, halving, rounder, shortened
 from velma.kinematics.timing import dense
-from velma.kinematics.tree import grow
 
 START, GOAL = np.array([-1.0, *np.zeros(7)]), np.array([1.0, *np.zeros(7)])
 LOWER, UPPER = np.full(8, -2.0), np.full(8, 2.0)

@@ -12,14 +12,13 @@ from msgspec.structs import replace
 from companion.models import MODELS
 from velma.errors import SceneError
 from velma.kinematics.frames import standing
-from velma.model import leaves, scene
-from velma.model.kinds import DOORS, Model
-from velma.model.numbers import objects
+from velma.model import scene
+from velma.model.kinds import DOORS, Model, objects
 from velma.model.scene import NOWHERE, Scene, Thing
 
 PATH = scene.CANONICAL.with_stem("doors")
 CLOSED = scene.load(PATH)
-angles = st.floats(*leaves.limits(Model.DOOR_LEFT))
+angles = st.floats(*scene.limits(Model.DOOR_LEFT))
 models = st.sampled_from(DOORS)
 
 

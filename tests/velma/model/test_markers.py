@@ -5,9 +5,8 @@ import pytest
 from msgspec.structs import replace
 
 from velma.errors import SceneError
-from velma.model.kinds import Model
+from velma.model.kinds import Model, objects
 from velma.model.markers import MOST, PLATE, Marker, of_scene
-from velma.model.numbers import objects
 from velma.model.scene import Scene, Thing, load
 
 EVERY = Scene("every", tuple(Thing(f"thing_{k}", model, (0.0, 0.0, 0.0)) for k, model in enumerate(Model)))

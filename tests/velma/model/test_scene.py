@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from velma.errors import SceneError
 from velma.model import scene
-from velma.model.kinds import Model
-from velma.model.numbers import objects
+from velma.model.kinds import Model, objects
 from velma.model.scene import Scene, Spread, Thing
 from velma.model.scene_xml import scene_xml
 from velma.sim.mujoco_backend import MujocoBackend

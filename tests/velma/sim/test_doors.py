@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from velma.model import leaves, scene
-from velma.model.numbers import objects
+from velma.model import scene
+from velma.model.kinds import objects
 from velma.model.scene import NOWHERE, Scene
 from velma.sim.backend import no_command
 from velma.sim.mujoco_backend import MujocoBackend
@@ -60,7 +60,7 @@ def test_a_pulled_handle_opens_the_leaf_and_a_pushed_one_closes_it(start: float,
     backend = MujocoBackend(opened(start))
     before = backend.data.body("jar_1").xpos.copy()
     run(backend, 750, force if pull else -force)
-    least, most = leaves.limits("door_left")
+    least, most = scene.limits("door_left")
     for name in DOORS:
         now = angle(backend, name)
         assert now > start + 0.1 or now > most - SLACK if pull else now < start - 0.1 or now < least + SLACK

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from velma.model.grains import grain_name
-from velma.model.kinds import Model
-from velma.model.numbers import objects
+from velma.model.kinds import Model, objects
 from velma.model.scene import Content, Scene, Thing, load
 from velma.model.scene_xml import scene_xml
 from velma.sim.backend import no_command

@@ -16,8 +16,8 @@ from velma.model.kinds import DOORS, Model
 from velma.model.markers import Marker, of_scene
 from velma.model.scene import Noise, Scene, Thing, hung, load
 from velma.sim.head_camera import CAMERA, HeadCamera
-from velma.sim.markings import marked
 from velma.sim.mujoco_backend import MujocoBackend, compiled
+from velma.sim.photographs import marked
 
 AT = (1.5, 0.0, 1.0)
 AWAY_M, NEAR_M = 0.5, 0.25  # of the camera, from furniture and from things

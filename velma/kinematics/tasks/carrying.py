@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
+from velma import names
 from velma.kinematics import ik
 from velma.kinematics.collision import World
 from velma.kinematics.frames import heading, standing
@@ -56,3 +57,19 @@ def _turned(q: np.ndarray, torso: float) -> np.ndarray:
     turned = q.copy()
     turned[0] = torso
     return turned
+
+
+# --- Where an empty arm goes when it is not needed: its start posture, with the torso turned where it has room -------
+
+
+TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], tried in this order; task runs with the true robot model
+FINGERS = 1.0  # [rad], same runs
+
+
+def homes(q: np.ndarray, side: str) -> Iterator[np.ndarray]:
+    """Yield postures (15,) with the arm as at the start, the torso as in q (15,) or turned."""
+    for torso in (float(q[names.TORSO]), *TORSO):
+        goal = q.copy()
+        goal[names.ARM[side]] = names.START[names.ARM[side]]
+        goal[names.TORSO] = torso
+        yield goal

@@ -1,6 +1,6 @@
 """The skill that hands over: hold still, feel for a steady pull, open once, and watch the thing leave.
 
-The hand opens for a pull that wrist and joints feel (velma.control.pull), and only while the thing is not tilted over.
+The hand opens for a pull that wrist and joints feel (velma.control.grip), and only while the thing is not tilted over.
 It does not follow the thing. Nobody who pulls for a time: the hand keeps the thing, and the plan says what comes next.
 """
 

@@ -65,7 +65,7 @@ def unheard(now: Look) -> Iterator[str]:
     """Yield a sentence for each agent that another does not hear, though both run."""
     found = [(one.name, line) for one in now.seen if one.beat and one.status.pid for line in one.beat.unheard]
     if found:
-        from agent_runtime.core import unheard as of_agents
+        from agent_runtime.core import peers as of_agents
 
         for name, line in found:
             yield of_agents.words(name, of_agents.Unheard(line.peer, line.channel, line.what, line.since), time.time())

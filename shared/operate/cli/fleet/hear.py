@@ -7,8 +7,7 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from agent_runtime.io.tap import Sample
-from agent_runtime.io.waiting import Waiting
+from agent_runtime.io.tap import Sample, Waiting
 from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError
 
 END_S = 5.0

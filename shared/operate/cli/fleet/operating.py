@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from agent_runtime.io import message_size
+from agent_runtime.io import sessions
 from agent_runtime.io.reaching import why_not
 from agent_runtime.io.run_files import KEYS_VARIABLE
 from agent_runtime.io.secured import client_tls
@@ -48,7 +48,7 @@ def _session(connect: str, tls: dict[str, Any] | None) -> Iterator[Callable[[str
         why = why_not(connect, tls) or f"{connect} opens no session"
         raise FleetError(f"{why}; `roco status` says whether it runs")
     try:
-        yield lambda key, data: message_size.put(opened, key, data)
+        yield lambda key, data: sessions.put(opened, key, data)
     finally:
         opened.close()  # type: ignore[no-untyped-call]
 

@@ -24,7 +24,7 @@ FROZEN, ENDED = "T", "Z"
 
 
 class Unheard(msgspec.Struct, frozen=True):
-    """Since when an agent's words to `peer` have no effect [unix s] (agent_runtime.core.unheard)."""
+    """Since when an agent's words to `peer` have no effect [unix s] (agent_runtime.core.peers)."""
 
     peer: str
     channel: str

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fipa_codec.acl_string import MAX_ACL_BYTES, AclMessage, AclSyntaxError, After, Aid, At, parse
-from fipa_codec.acl_string.content import JSON
+from fipa_codec.acl_string.mapping import JSON
 from fipa_codec.acl_string.message import EPOCH
 from operate.cli.output import Form, Format
 from operate.cli.terminal.console import Console

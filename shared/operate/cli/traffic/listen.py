@@ -16,8 +16,7 @@ import msgspec
 
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_VARIABLE
-from agent_runtime.io.tap import Sample
-from agent_runtime.io.waiting import Waiting
+from agent_runtime.io.tap import Sample, Waiting
 from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import FipaError
 from operate.cli.analysis import command, environment

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import msgspec
 
 from agent_runtime.io.tap import Sample
-from agent_runtime.testing.scripted_peers import Stage
+from agent_runtime.testing.stand_in import Stage
 from fipa_codec.communicate import Communicate, encode
 from operate.cli.traffic.listen import said
 

@@ -18,7 +18,7 @@ import typer
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.io.run_files import make_run, write_whole
 from agent_runtime.io.tap import Sample
-from agent_runtime.testing.scripted_peers import Stage
+from agent_runtime.testing.stand_in import Stage
 from operate.cli import completion
 from operate.cli.analysis import command, environment
 from operate.cli.errors import ConsoleError, UsageError

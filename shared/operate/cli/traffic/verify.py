@@ -15,7 +15,7 @@ import msgspec
 import typer
 from rich.table import Table
 
-from agent_runtime.io.journal_format import records
+from agent_runtime.io.journal import records
 from agent_runtime.io.step_replay import Again, Parted, Word
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
