@@ -18,7 +18,7 @@ import typer
 from companion.tools.promises import begun_twice
 from companion.tools.system import JOB, SYSTEM
 from operate.cli.chaos import trial
-from operate.cli.chaos.cells import Cell
+from operate.cli.chaos.trial import Cell
 from operate.cli.runs import trials
 from operate.recording import history
 from operate.run_folder import REPORT_FILE

@@ -15,9 +15,8 @@ from services.executor.behaviours import agent
 from services.executor.device import RobotDevice
 from services.executor.local import ByRays, Setup
 from services.executor.loop_device import LoopDevice
-from services.executor.pictures import Pictures
 from services.executor.skill_device import SkillDevice
-from services.executor.telemetry import Telemetry
+from services.executor.telemetry import Pictures, Telemetry
 from velma.sim import gl
 
 

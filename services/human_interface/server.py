@@ -1,17 +1,20 @@
 """The HTTP service of hi on the loopback interface, as in docs/http.md.
 
 Each request has a thread, which posts a message to the agent and waits for the answer until a deadline; how many there
-are before their sender is known: `doorstep.py`. A stop waits for nobody: the thread that reads it sets the flag.
+are before their sender is known. A stop waits for nobody: the thread that reads it sets the flag.
 A sentence is read here, too: the agent's step gets its meaning. Must not know: tasks, Zenoh.
 """
 
 import contextlib
 import hmac
 import http.server
+import io
+import itertools
 import secrets
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Iterator
 from http import HTTPStatus
 from pathlib import Path
@@ -21,16 +24,209 @@ from urllib.parse import parse_qs, urlsplit
 import msgspec
 
 from agent_runtime.io.devices import Post
-from agent_runtime.io.run_files import LOOPBACK, write_secret
-from companion.run_files import HELD, HI_FILE, LET_GO, RELEASED, STOPPED, Cancel, HiAddress, Problem, Say, TaskLine
+from agent_runtime.io.fleet_processes import set_stop
+from agent_runtime.io.run_files import LOOPBACK, STOP_FILE, STOP_HELD, write_secret
+from companion.run_files import (
+    HELD,
+    HI_FILE,
+    LET_GO,
+    RELEASED,
+    SLOTS_FILE,
+    STOPPED,
+    Cancel,
+    Events,
+    HiAddress,
+    HiEvent,
+    Problem,
+    Say,
+    TaskLine,
+    Tasks,
+)
 from companion.stop_words import calls_for_help, stop_words
 from fipa_codec.communicate import number_of
-from services.human_interface import doorstep, times
-from services.human_interface.board import Board
+from services.human_interface import grammar
 from services.human_interface.catalogue import can, say
 from services.human_interface.grammar import prepare, understand
-from services.human_interface.local import Answer, CancelWanted, Halted, Said, StopRobot
-from services.human_interface.robot import NOT_HELD_HERE, OUT_OF_REACH, Robot
+from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
+
+# --- Display of hi for people: tasks, the latest events, answers to tickets. Between the thread of the agent and HTTP's
+# Every wait ends. Must not know: HTTP, the agent.
+
+
+KEPT_EVENTS = 1000
+
+
+class Board:
+    """Written by the agent, read by requests of people."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._numbers = itertools.count(1)
+        self._answers: dict[str, Answer | None] = {}
+        self._events: deque[HiEvent] = deque(maxlen=KEPT_EVENTS)
+        self._tasks = Tasks(())
+        self._told = 0
+        self._closed = False
+
+    def tell(self, content: Any) -> None:
+        """Take a message of the agent."""
+        with self._changed:
+            match content:
+                case Answer(ticket=ticket) if ticket in self._answers:
+                    self._answers[ticket] = content
+                case Told(event=event):
+                    self._events.append(event)
+                    self._told = event.n
+                case Shown(tasks=tasks, events=events, wishes=wishes, questions=questions):
+                    self._tasks = Tasks(tasks, wishes=wishes, questions=questions)
+                    self._told = max(self._told, events)
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """End all waits."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    def ticket(self) -> str:
+        """Return a new ticket; wait for it by `answer`."""
+        with self._changed:
+            ticket = str(next(self._numbers))
+            self._answers[ticket] = None
+            return ticket
+
+    def answer(self, ticket: str, within_s: float) -> Answer | None:
+        """Return the answer to a ticket; None if none came in time."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or self._answers[ticket] is not None, within_s)
+            return self._answers.pop(ticket)
+
+    def tasks(self) -> Tasks:
+        """Return all tasks, oldest first, and what could be said."""
+        with self._changed:
+            return self._tasks
+
+    def events(self, since: int, wait_s: float) -> Events:
+        """Return the events after number `since`; wait up to `wait_s` [s] for one."""
+        end = time.monotonic() + wait_s
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or self._told > since, max(0.0, end - time.monotonic()))
+            return Events(self._told, tuple(event for event in self._events if event.n > since))
+
+
+# --- Bounds on requests before their sender is known: how many, how long, how large ----------------------------------
+# Whoever reaches hi's port can open connections. So that they take neither all threads nor all memory, a request must
+# be whole in a given time and size, and of the connections that have not shown the token yet the oldest goes when
+# there are too many: a person's request is whole within milliseconds, one that is held open on purpose is old.
+
+
+MOST_STRANGERS = 32
+"""Connections without the token (so far). With as many requests that are served, and some 20 threads of Zenoh, there is
+room below the 128 processes and threads of hi's container (deploy/compose.yaml)."""
+REQUEST_S = 5.0
+"""Longest from a connection's begin to the end of its request; `roco` takes milliseconds (estimate: a busy machine)."""
+LONGEST_REQUEST = 81_920
+"""Bytes of a request: 16 KiB of head (estimate; `roco` sends 200 bytes), and `server.DRAINED` of body."""
+LEAVES_S = 1.0
+"""Longest that a connection which was ended keeps the next one waiting (estimate; it takes a millisecond)."""
+
+
+class Doorstep:
+    """The connections that have not shown the token, oldest first; at most `most`."""
+
+    def __init__(self, most: int = MOST_STRANGERS) -> None:
+        self._most = most
+        self._changed = threading.Condition()
+        self._strangers: dict[socket.socket, None] = {}
+
+    def come(self, connection: socket.socket) -> None:
+        """Take a new connection; where there are too many, end the oldest and wait until it has left."""
+        with self._changed:
+            if len(self._strangers) >= self._most:
+                with contextlib.suppress(OSError):  # its other side was faster
+                    next(iter(self._strangers)).shutdown(socket.SHUT_RDWR)
+                self._changed.wait_for(lambda: len(self._strangers) < self._most, LEAVES_S)
+            self._strangers[connection] = None
+
+    def leave(self, connection: socket.socket) -> None:
+        """Let a connection go that showed the token, or has ended; no matter how often."""
+        with self._changed:
+            self._strangers.pop(connection, None)
+            self._changed.notify_all()
+
+
+class Bounded(socket.SocketIO):
+    """Bounded reader of a connection: for at most REQUEST_S, and at most LONGEST_REQUEST bytes.
+
+    Raise TimeoutError and ConnectionAbortedError beyond.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        super().__init__(connection, "r")
+        self._connection = connection
+        self._until = time.monotonic() + REQUEST_S
+        self._left = LONGEST_REQUEST
+
+    def readinto(self, buffer: "bytearray | memoryview") -> int | None:  # type: ignore[override]
+        """Read what is there, or wait for it until the time is over."""
+        left_s = self._until - time.monotonic()
+        if left_s <= 0.0:
+            raise TimeoutError
+        self._connection.settimeout(left_s)
+        read = super().readinto(buffer)
+        self._left -= read or 0
+        if self._left < 0:
+            raise ConnectionAbortedError(f"a request of more than {LONGEST_REQUEST} bytes")
+        return read
+
+
+def bounded(connection: socket.socket) -> io.BufferedReader:
+    """Return what is read of a connection, bounded in time and size."""
+    return io.BufferedReader(Bounded(connection))
+
+
+# --- The stop flag of the robot, as hi reaches it: a byte in the run folder (docs/run-folder.md), that the loop reads
+# No agent, router or key is needed. Where the loop has another run folder, in another container or on another host, the
+# flag is out of reach; that is said, and what is next best is done.
+
+
+OUT_OF_REACH = (
+    "I cannot stop the robot from here: its control loop has another run folder. I cancel all tasks instead, and what "
+    "is held is put down. Where the robot runs, `roco stop` stops it at once"
+)
+NOT_HELD_HERE = "I cannot release the robot from here: its loop has another run folder; `roco release` does it there"
+
+
+class Robot:
+    """The robot whose control loop shares this run folder, if one does."""
+
+    def __init__(self, run_dir: Path) -> None:
+        self._run = run_dir
+
+    def hold(self, held: bool) -> bool:
+        """Stop the robot, or let it go. Return whether its loop reads the flag; raise OSError if it cannot be written.
+
+        Where a supervisor made a flag it is written even if there is no loop yet, which then begins with it.
+        """
+        if (self._run / STOP_FILE).exists() or self._reached:
+            set_stop(self._run, held)
+        return self._reached
+
+    @property
+    def held(self) -> bool:
+        """Whether the robot is stopped, as far as can be told here."""
+        try:
+            return (self._run / STOP_FILE).read_bytes()[:1] == STOP_HELD
+        except OSError:
+            return False
+
+    @property
+    def _reached(self) -> bool:
+        return (self._run / SLOTS_FILE).exists()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 LONGEST_BODY = 4096
 DRAINED = 65536  # bytes of a too long body that are read and dropped, so that its sender reads the answer (estimate)
@@ -96,7 +292,7 @@ class _Server(http.server.ThreadingHTTPServer):
     def __init__(self, board: Board, post: Post, token: str, listen: tuple[str, int], robot: Robot) -> None:
         self.board, self.post, self.token, self.robot = board, post, token, robot
         self.room = threading.Semaphore(AT_ONCE)
-        self.doorstep = doorstep.Doorstep()
+        self.doorstep = Doorstep()
         try:
             super().__init__(listen, _Request)
         except OSError as error:
@@ -133,7 +329,7 @@ class _Request(http.server.BaseHTTPRequestHandler):
     def setup(self) -> None:
         """Read within bounds."""
         super().setup()
-        self.rfile = doorstep.bounded(self.connection)
+        self.rfile = bounded(self.connection)
 
     def _serve(self) -> None:
         """Check the sender, then the request; answer it."""
@@ -181,9 +377,9 @@ class _Request(http.server.BaseHTTPRequestHandler):
             ticket = self.server.board.ticket()
             urgency = max(said.urgency, int(meaning.when.urgent))
             east = time.localtime().tm_gmtoff // 60 if said.east_min is None else said.east_min
-            minute_of_day = (now / 60.0 + east) % times.DAY
-            within_s = said.within_s or times.seconds_left(meaning.when, minute_of_day)
-            later_s = said.later_s or times.seconds_until(meaning.when, minute_of_day)
+            minute_of_day = (now / 60.0 + east) % grammar.DAY
+            within_s = said.within_s or grammar.seconds_left(meaning.when, minute_of_day)
+            later_s = said.later_s or grammar.seconds_until(meaning.when, minute_of_day)
             held, when = self.server.robot.held, (urgency, within_s, later_s)
             self.server.post(Said(ticket, text, meaning, held, *when, said.instead, said.asker, now, east))
             return self._answer(ticket)
@@ -253,7 +449,7 @@ class _Request(http.server.BaseHTTPRequestHandler):
         try:
             data = self.rfile.read(min(length, DRAINED))
         except TimeoutError as error:
-            text = f"a request must be whole within {doorstep.REQUEST_S:g} s, this one lacks of its {length} bytes"
+            text = f"a request must be whole within {REQUEST_S:g} s, this one lacks of its {length} bytes"
             raise Refused(HTTPStatus.REQUEST_TIMEOUT, text) from error
         if length > LONGEST_BODY:
             text = f"the body has {length} bytes, at most {LONGEST_BODY} are taken"

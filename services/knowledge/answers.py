@@ -15,10 +15,10 @@ from companion.languages.values import Pose
 from companion.models import GRASPS, REACH, Model, fitting
 from services.knowledge import geometry
 from services.knowledge.extents import cells, extent
-from services.knowledge.ontology import below, is_kind
 from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene, Thing
 from services.knowledge.store import Store
+from services.knowledge.subjects import below, is_kind
 
 CONTENT = ".content"
 """`jar_1.content` is the name of what was in jar_1."""

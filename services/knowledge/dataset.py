@@ -11,8 +11,7 @@ from rdflib import RDF
 
 from companion.asking import PREFIXES
 from services.knowledge.beliefs import Beliefs, Source
-from services.knowledge.ontology import ROCO, read
-from services.knowledge.subjects import CONTENT, THING, iri
+from services.knowledge.subjects import CONTENT, ROCO, THING, iri, read
 
 
 def dataset(beliefs: Beliefs, begin: float) -> ox.Store:

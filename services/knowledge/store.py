@@ -13,9 +13,8 @@ from rdflib import Graph
 from rdflib.graph import DATASET_DEFAULT_GRAPH_ID
 
 from companion.languages.values import Side
-from services.knowledge.ontology import ROCO, text
 from services.knowledge.scene import PARTS, Held, Scene, Thing
-from services.knowledge.subjects import OBSERVED, RECORD, VERSION, Stored, differing
+from services.knowledge.subjects import OBSERVED, RECORD, ROCO, VERSION, Stored, differing, text
 
 _stored = msgspec.json.Decoder(Stored)
 

@@ -10,8 +10,9 @@ import hmac
 import html
 import json
 import re
+import shutil
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import suppress
 from functools import partial
 from importlib import resources
@@ -29,14 +30,125 @@ from companion import commands
 from companion.run_files import MOST_EAST_MIN, Pairing, Say, TaskLine
 from companion.stop_words import AT_ONCE_S, calls_for_help, may_answer, stop_words
 from companion.wording import plain
-from services.page import catalogue, speech, view
-from services.page.catalogue import LANGUAGES, say
+from services.page import view
 from services.page.guard import cookie_name
 from services.page.hi_client import Hi, HiError
 from services.page.pairing import CODE_S, KEPT_S, Pairs
 from services.page.robot_stop import RobotStop
 from services.page.robot_word import RobotWord
-from services.page.streams import Streams
+from services.page.view import LANGUAGES, say
+
+# --- Server-sent events that tell browsers of changes; the newest wins, so that a slow reader costs no memory --------
+
+
+BEAT_S = 3.0
+"""Between two beats when nothing changes: a browser that misses three says that it has lost the page (page.js)."""
+MOST = 24
+"""Streams; another one ends the oldest (estimate: some browsers with some tabs)."""
+
+
+class Streams:
+    """The newest content of each channel, and who listens. For one event loop."""
+
+    def __init__(self) -> None:
+        self._newest: dict[str, tuple[int, bytes]] = {}
+        self._count = 0
+        self._listeners: dict[asyncio.Event, None] = {}
+        self._ended: set[asyncio.Event] = set()
+        self.closed = False
+
+    def tell(self, channel: str, event: str, data: bytes) -> None:
+        """Tell all listeners of a channel; `data` has no line ends."""
+        if self._newest.get(channel, (0, b""))[1] == (line := sse(event, data)):
+            return
+        self._count += 1
+        self._newest[channel] = (self._count, line)
+        self._wake()
+
+    def close(self) -> None:
+        """End all streams with a word, so that browsers come back at once."""
+        self.closed = True
+        self._wake()
+
+    async def listen(self, *channels: str) -> AsyncIterator[bytes]:
+        """Yield what is new, as long as somebody listens."""
+        woken, told = asyncio.Event(), dict.fromkeys(channels, 0)
+        self._listeners[woken] = None
+        if len(self._listeners) > MOST:
+            oldest = next(iter(self._listeners))
+            del self._listeners[oldest]  # it ends later: of many that come at once each must end another one
+            self._ended.add(oldest)
+            oldest.set()
+        try:
+            yield b"retry: 1000\n\n"
+            while not (self.closed or woken in self._ended):
+                woken.clear()
+                for channel in channels:
+                    number, line = self._newest.get(channel, (0, b""))
+                    if number > told[channel]:
+                        told[channel] = number
+                        yield line
+                try:
+                    async with asyncio.timeout(BEAT_S):
+                        await woken.wait()
+                except TimeoutError:
+                    yield sse("beat", b"")
+            yield sse("bye", b"")
+        finally:
+            self._listeners.pop(woken, None)
+            self._ended.discard(woken)
+
+    def _wake(self) -> None:
+        for one in self._listeners:
+            one.set()
+
+
+def sse(event: str, data: bytes) -> bytes:
+    """Return an event as it is written."""
+    return b"event: " + event.encode() + b"\ndata: " + data + b"\n\n"
+
+
+# --- Sentences as sound, by espeak-ng where it is installed: a WAV file of each. Nothing is kept ---------------------
+
+
+PROGRAM = "espeak-ng"
+LONGEST_TEXT = 400
+"""Characters; estimate: half a minute."""
+MADE_S = 10.0
+AT_ONCE = 2
+WORDS_A_MINUTE = "140"
+"""espeak-ng's own is 175; slower for ears that are old (estimate)."""
+_room = asyncio.Semaphore(AT_ONCE)
+
+
+def available() -> bool:
+    """Whether sentences can be spoken here."""
+    return shutil.which(PROGRAM) is not None
+
+
+async def wav(text: str, language: str) -> bytes | None:
+    """Return the sound of a text, in a language of the catalogue; None where it cannot be made in time."""
+    async with _room:
+        try:
+            process = await asyncio.create_subprocess_exec(
+                PROGRAM, "-v", language, "-s", WORDS_A_MINUTE, "--stdin", "--stdout",
+                stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL,
+            )  # fmt: skip
+        except OSError:
+            return None
+        try:
+            async with asyncio.timeout(MADE_S):
+                sound, _ = await process.communicate(text[:LONGEST_TEXT].encode(errors="replace"))
+        except TimeoutError:
+            return None
+        finally:
+            with suppress(ProcessLookupError):
+                process.kill()
+        return sound if process.returncode == 0 and sound else None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 LONGEST_BODY = 4096
 BODY_S = 5.0
@@ -136,7 +248,7 @@ class Page:
 
     async def _speech(self, request: Request) -> Response:
         text, language = request.query_params.get("text", ""), _language(request)
-        sound = await speech.wav(text, language) if text else None
+        sound = await wav(text, language) if text else None
         return Response(sound, media_type="audio/wav") if sound else Response(status_code=404)
 
     # --- what a person does -------------------------------------------------------------------------------------------
@@ -226,9 +338,9 @@ class Page:
 
 def _document(name: str, language: str) -> str:
     """A page in a language; page.js finds its words in it."""
-    words = catalogue.WORDS[language] | {"speak_hint": say(language, "speak_hint", commands.example(language))}
+    words = view.WORDS[language] | {"speak_hint": say(language, "speak_hint", commands.example(language))}
     text = Template(resources.files(__package__).joinpath("static", f"{name}.html").read_text(encoding="utf-8"))
-    told = json.dumps({**words, "voice": speech.available()}).replace("<", "\\u003c")
+    told = json.dumps({**words, "voice": available()}).replace("<", "\\u003c")
     says = ((html.escape(one), html.escape(one[:1].upper() + one[1:])) for one in commands.buttons(language))
     buttons = "\n".join(f'<button type="button" data-say="{one}">{label}</button>' for one, label in says)
     return text.substitute(words, words=told, buttons=buttons)
@@ -236,7 +348,7 @@ def _document(name: str, language: str) -> str:
 
 def _language(request: Request) -> str:
     asked = request.query_params.get("language") or request.cookies.get(LANGUAGE_COOKIE, "")
-    return asked if asked in LANGUAGES else catalogue.preferred(request.headers.get("accept-language", ""))
+    return asked if asked in LANGUAGES else view.preferred(request.headers.get("accept-language", ""))
 
 
 def _answering(act: Callable[[dict[str, str], str], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:

@@ -8,8 +8,30 @@ from companion.languages.cmd import TaskState
 from companion.languages.evidence import unchecked
 from companion.languages.facts import Kind, fact
 from companion.run_files import HiEvent, InWords, TaskLine, Wish
-from companion.sentences import Reader, failure, person, place, please, state, step
-from services.page.catalogue import WORDS, say
+from companion.sentences import Reader, catalogue, failure, person, place, please, state, step
+
+# --- The words of the page, from the catalogue of its language (companion.sentences) ---------------------------------
+
+
+LANGUAGES = ("en", "pl")
+WORDS = {language: catalogue(Reader(language)).page for language in LANGUAGES}
+
+
+def say(language: str, row: str, *parts: object) -> str:
+    """Return a sentence of the page."""
+    return WORDS[language][row].format(*parts)
+
+
+def preferred(accepted: str) -> str:
+    """Return the language for an Accept-Language header: the first in it that is known, English where none is."""
+    for one in accepted.lower().split(","):
+        if (language := one.strip()[:2]) in LANGUAGES:
+            return language
+    return LANGUAGES[0]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
 ACTIVE = (TaskState.RUNNING, TaskState.PLANNING)

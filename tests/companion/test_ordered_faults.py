@@ -7,7 +7,7 @@ import pytest
 from companion.eyes import VARIABLE as EYES
 from companion.run_files import DISTURBANCES_FILE
 from companion.tools.verbs import fault
-from companion.tools.verbs.real_robot import BACKEND
+from companion.tools.verbs.checkup import BACKEND
 from operate.cli.errors import ConsoleError, FleetError, UsageError
 from operate.cli.fleet.local import Local
 from operate.run_folder import Fault

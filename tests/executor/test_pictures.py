@@ -12,10 +12,10 @@ import pytest
 
 from companion.skills.motions import aim
 from companion.telemetry import PICTURE_S, Picture, told
-from services.executor import pictures
+from services.executor import telemetry
 from services.executor.local import Setup
 from services.executor.looks import SHRINK
-from services.executor.pictures import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
+from services.executor.telemetry import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
 from velma import names
 from velma.eyes.lens import HEIGHT, WIDTH
 from velma.eyes.shown import smaller
@@ -184,4 +184,4 @@ def test_where_nothing_can_be_drawn_no_child_is_started(screen: Screen) -> None:
 
 def test_the_agent_does_not_load_the_simulator_for_it() -> None:
     """The module that the agent's process imports knows neither MuJoCo nor the camera."""
-    assert not {"mujoco", "Camera", "compiled"} & set(vars(pictures))
+    assert not {"mujoco", "Camera", "compiled"} & set(vars(telemetry))

@@ -6,7 +6,7 @@ import pytest
 
 from companion.tools.system import JOB, SYSTEM
 from operate.cli.chaos import trial
-from operate.cli.chaos.cells import Cell
+from operate.cli.chaos.trial import Cell
 from operate.cli.runs import trials
 
 pytestmark = [pytest.mark.process, pytest.mark.long, pytest.mark.timeout(JOB.timeout_s + 120.0)]

@@ -31,7 +31,7 @@ from fipa_codec import acl_string
 from fipa_codec.communicate import decode, decode_strictly, encode
 from fipa_codec.errors import FipaError, MalformedError
 from operate.cli.errors import UsageError
-from operate.cli.faults import scenario
+from operate.cli.faults import run as scenario
 from operate.recording import contents, history, mcap_file
 from operate.recording.ends import Ends
 from operate.recording.records import Garbage, Spoken, Token, understood

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from services.human_interface import doorstep, server
+from services.human_interface import server
 
 pytestmark = pytest.mark.timeout(60)
 FLOOD = 300
@@ -63,8 +63,8 @@ def test_a_person_is_served_beside_a_flood_of_slow_connections(client):
             flood.append(begun(client))
             most = max(most, len(threads()))
         assert client.ask(*SAY)[0] == 200
-        assert most < 2 * doorstep.MOST_STRANGERS  # one that is sent away may take a moment to end
-        assert all(ended(one) for one in flood[: FLOOD - doorstep.MOST_STRANGERS])
+        assert most < 2 * server.MOST_STRANGERS  # one that is sent away may take a moment to end
+        assert all(ended(one) for one in flood[: FLOOD - server.MOST_STRANGERS])
     finally:
         for one in flood:
             one.close()
@@ -77,7 +77,7 @@ def test_who_showed_the_token_is_not_sent_away(client):
     waiter.start()
     while client.desk._server.room._value == server.AT_ONCE:
         time.sleep(0.001)
-    flood = [begun(client) for _ in range(2 * doorstep.MOST_STRANGERS)]
+    flood = [begun(client) for _ in range(2 * server.MOST_STRANGERS)]
     assert ended(flood[0])
     client.desk.close()
     waiter.join(30.0)
@@ -88,7 +88,7 @@ def test_who_showed_the_token_is_not_sent_away(client):
 
 def test_a_head_is_whole_within_its_time_or_the_connection_ends(client, monkeypatch):
     """However often a byte of it comes."""
-    monkeypatch.setattr(doorstep, "REQUEST_S", 0.5)
+    monkeypatch.setattr(server, "REQUEST_S", 0.5)
     with connected(client) as one:
         one.sendall(b"GET /tasks HTTP/1.0\r\nX: ")
         assert ends(one, b"x")
@@ -96,7 +96,7 @@ def test_a_head_is_whole_within_its_time_or_the_connection_ends(client, monkeypa
 
 def test_a_body_is_whole_within_its_time_or_it_is_refused(client, monkeypatch):
     """408, also to who has the token."""
-    monkeypatch.setattr(doorstep, "REQUEST_S", 0.5)
+    monkeypatch.setattr(server, "REQUEST_S", 0.5)
     with connected(client) as one:
         port, token = client.address.port, client.address.token
         head = ("POST /say HTTP/1.0", f"Host: 127.0.0.1:{port}", f"Authorization: Bearer {token}", "Content-Length: 9")

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.human_interface import times
+from services.human_interface import grammar
 from services.human_interface.catalogue import CATALOGUE
 from services.human_interface.grammar import VOCABULARY, understand
 from services.human_interface.meaning import When
@@ -103,7 +103,7 @@ def test_first_of_two_wishes_is_their_order():
 )
 def test_what_is_left_are_words_of_the_sentence_in_their_order(words):
     """Nothing is added, and a sentence never becomes empty."""
-    rest, when = times.taken(tuple(words))
+    rest, when = grammar.taken(tuple(words))
     left = iter(words)
     assert all(word in left for word in rest)
     assert rest or not words
@@ -114,7 +114,7 @@ def test_what_is_left_are_words_of_the_sentence_in_their_order(words):
 def test_a_deadline_is_the_next_such_time_of_the_clock(hour, minute, now):
     """At most a day ahead, and then the clock shows it."""
     (at, *others) = understand(f"take the jar by {hour}:{minute:02}").when.by
-    left_s = times.seconds_left(When(by=(at, *others)), now)
+    left_s = grammar.seconds_left(When(by=(at, *others)), now)
     assert 0.0 <= left_s <= 86400.0
     shown = (now + left_s / 60.0) % 1440.0
     meant = [60 * hour + minute + 720 * half for half in (-1, 0, 1)]
@@ -143,24 +143,24 @@ def test_who_speaks_by_day_means_no_time_at_night(now, said, meant):
     hour, minute = map(int, now.split(":"))
     when = understand(f"take the jar at {said}").when
     assert when.at
-    then = (60 * hour + minute + times.seconds_until(when, 60 * hour + minute) / 60.0) % 1440.0
+    then = (60 * hour + minute + grammar.seconds_until(when, 60 * hour + minute) / 60.0) % 1440.0
     assert f"{int(then // 60)}:{int(then % 60):02}" == meant
-    assert times.seconds_left(When(by=when.at), 60 * hour + minute) == times.seconds_until(when, 60 * hour + minute)
+    assert grammar.seconds_left(When(by=when.at), 60 * hour + minute) == grammar.seconds_until(when, 60 * hour + minute)
 
 
 def test_the_sooner_of_two_limits_counts():
     """Within an hour and by noon."""
     when = When(within_s=3600.0, by=(720,))
-    assert times.seconds_left(when, 700.0) == 1200.0
-    assert times.seconds_left(when, 600.0) == 3600.0
-    assert times.seconds_left(PLAIN, 600.0) == 0.0
+    assert grammar.seconds_left(when, 700.0) == 1200.0
+    assert grammar.seconds_left(when, 600.0) == 3600.0
+    assert grammar.seconds_left(PLAIN, 600.0) == 0.0
 
 
 def test_a_time_to_begin_is_no_deadline():
     """The sooner of two counts, as for deadlines."""
     when = When(later_s=3600.0, at=(720,))
-    assert (times.seconds_until(when, 700.0), times.seconds_left(when, 700.0)) == (1200.0, 0.0)
-    assert times.seconds_until(When(within_s=60.0, by=(720,)), 700.0) == 0.0
+    assert (grammar.seconds_until(when, 700.0), grammar.seconds_left(when, 700.0)) == (1200.0, 0.0)
+    assert grammar.seconds_until(When(within_s=60.0, by=(720,)), 700.0) == 0.0
 
 
 def test_each_language_has_all_rows_about_time():

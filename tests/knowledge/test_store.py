@@ -9,9 +9,8 @@ from rdflib import RDF, URIRef
 
 from companion.languages import wm
 from companion.languages.values import BodyPosture, Pose, Side, Uncertainty
-from services.knowledge.ontology import ROCO, below
 from services.knowledge.store import Store
-from services.knowledge.subjects import THING, iri
+from services.knowledge.subjects import ROCO, THING, below, iri
 
 from .conftest import KITCHEN
 from .storing import store_observation

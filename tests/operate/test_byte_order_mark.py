@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from operate.cli.faults import scenario
+from operate.cli.faults import run
 from operate.system import here
 from topdown.model import loading
 from velma.model import scene
@@ -30,7 +30,7 @@ def marked(tmp_path: Path) -> Callable[[str], Path]:
     ("load", "file"),
     [
         (loading.load, "examples/depot/depot/design.toml"),
-        (scenario.load, "examples/depot/faults.toml"),
+        (run.load, "examples/depot/faults.toml"),
         (scene.load, "velma/model/scenes/env2.toml"),
     ],
 )

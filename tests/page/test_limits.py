@@ -11,9 +11,9 @@ import pytest
 import uvicorn
 from page_house import WITHIN_S, wait_for
 
+from services.page.app import MOST as MOST_STREAMS
+from services.page.app import Streams, sse
 from services.page.limits import HEAD_BYTES, LOOK_S, MOST, READS_S, settings
-from services.page.streams import MOST as MOST_STREAMS
-from services.page.streams import Streams, sse
 
 pytestmark = pytest.mark.process
 CROWD = 300

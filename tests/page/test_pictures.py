@@ -6,8 +6,8 @@ import msgspec
 import pytest
 
 from companion.telemetry import Picture, RobotState
+from services.page.app import Streams
 from services.page.robot_eye import RobotEye
-from services.page.streams import Streams
 from services.page.view import PICTURES
 
 STATE = RobotState(sim_time_s=1.5, body=(0.1,) * 15, mode="hold")

@@ -5,8 +5,7 @@ import pytest
 from companion.languages.cmd import TaskState
 from companion.languages.evidence import Claim, Evidence, Sense
 from companion.run_files import TaskLine
-from services.page.catalogue import LANGUAGES
-from services.page.view import Heard, view
+from services.page.view import LANGUAGES, Heard, view
 
 pytestmark = pytest.mark.timeout(30)
 PUT, HELD = Evidence(Claim.STANDS, "jar_1"), Evidence(Claim.HELD, "bowl_1", (Sense.WRIST,), 3.0)

@@ -1,6 +1,6 @@
 """The page's words: both languages say the same."""
 
-from services.page.catalogue import LANGUAGES, WORDS
+from services.page.view import LANGUAGES, WORDS
 
 
 def test_both_languages_say_the_same():

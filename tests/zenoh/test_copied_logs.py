@@ -13,8 +13,8 @@ from toy_fleet import Fleet, wait_for
 from agent_runtime.io import log_sender
 from agent_runtime.io.log_sender import LEASE_S, LogSender
 from agent_runtime.io.steplog import read
-from operate.recording import copied_logs
-from operate.recording.copied_logs import CopiedLogs
+from operate.recording import recorder
+from operate.recording.recorder import CopiedLogs
 
 AGENTS = {"co": "services.coordinator", "hi": "services.human_interface"}
 
@@ -84,7 +84,7 @@ def test_whatever_is_lost_the_copy_ends_whole(log: bytes, data: st.DataObject) -
             copies.lived("co", alive=True)
             share = 1.0 if whole else data.draw(st.floats(0.0, 1.0))
             path.write_bytes(log[: max(path.stat().st_size, round(share * len(log)))])
-            now += copied_logs.ASK_S
+            now += recorder.ASK_S
             asked: list[bytes] = []
             copies.ask(lambda _, told: asked.append(told), "monitor")  # noqa: B023 - called at once
             if whole or data.draw(st.booleans()):

@@ -25,7 +25,7 @@ from agent_runtime.io.secured import AUTHORITY, Rights, certificate_file, client
 from agent_runtime.io.sessions import free_endpoint
 from companion.design import DESIGN
 from operate import run_folder
-from operate.cli.fleet import checkup_reach
+from operate.cli.fleet import checkup
 from operate.cli.fleet.checkup import Level
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Beat, Look, Seen
@@ -178,7 +178,7 @@ def test_doctor_says_the_same(
     running = tuple(ProcessStatus(name, ProcessState.READY, pid=1) for name in ("router", "co"))
     fleet = msgspec.structs.replace(FLEET, connect=routers[0], processes=running)
     seen = (Seen(running[0], Beat()), Seen(running[1], Beat(up=False)))
-    found = checkup_reach.router(Local(tmp_path), Look(fleet, seen, False, 0.0))
+    found = checkup.router(Local(tmp_path), Look(fleet, seen, False, 0.0))
     wrong = [f"{check.name}: {check.what}" for check in found if check.level is Level.WRONG]
     assert len(wrong) == len(words)
     for said, expected in zip(wrong, words, strict=True):
@@ -212,11 +212,11 @@ def test_doctor_lists_who_was_refused(folder: Path, routers: tuple[str, str]) ->
     }
 
     def told() -> str:
-        return "".join(check.what for check in checkup_reach.refusals(Local(folder), look))
+        return "".join(check.what for check in checkup.refusals(Local(folder), look))
 
     wait_for(lambda: all(words in told() for words in expected), f"all are listed: {told()}")
     assert {part.partition(" × ")[2] for part in told().partition("UTC: ")[2].split("; ")} <= {
-        *checkup_reach.REASONS.values()
+        *checkup.REASONS.values()
     }
 
 

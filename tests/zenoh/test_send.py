@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 
 from companion.tools.verbs.hi import Hi, address
 from operate.cli.fleet.local import Local
-from operate.cli.traffic.send import send
-from operate.cli.traffic.speak import Sending
+from operate.cli.traffic.send import Sending, send
 
 pytestmark = pytest.mark.zenoh
 

@@ -14,10 +14,10 @@ from companion.skills.loop_messages import Mode, Motion, Phase, motion
 from services.executor.conformance.bounds import Listening
 from services.executor.conformance.judging import Measured
 from services.executor.conformance.subject import Bench, Subject, bench, dynamics
+from services.executor.loop.act import BRAKE_S
 from services.executor.loop.core import DAMPING_CYCLES, LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.process import GONE_TURNS, LATE_TURNS, LoopProcess, Speed
-from services.executor.loop.track import BRAKE_S
 from velma.control import damping
 from velma.sim.backend import PERIOD_S, Backend, Command, State
 

@@ -2,7 +2,7 @@
 "use strict";
 const byId = (id) => document.getElementById(id);
 const words = JSON.parse(byId("words").textContent);
-const LOST_MS = 9000; // three beats of the stream (services/page/streams.py)
+const LOST_MS = 9000; // three beats of the stream (services/page/app.py)
 const AGAIN_MS = 1500;
 const ASKED_MS = 30000; // a question is open so long (services/human_interface/memory.py); later, its No would stop the robot
 const fill = (text, part) => text.replace("{}", part);

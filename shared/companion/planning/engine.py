@@ -11,17 +11,45 @@ from contextlib import redirect_stdout
 from io import StringIO
 from typing import Any, TypeVar
 
+import gtpyhop
+
 from companion.languages.facts import Fact, Kind, fact, fitting
 from companion.languages.hfsm import Rejected
 from companion.planning.asking import Unanswered
 from companion.planning.assembling import Found
-from companion.planning.common import COMMON
-from companion.planning.methods import Subtasks
-from companion.planning.registry import Each, Method, rows
+from companion.planning.homing import home
+from companion.planning.looking import confirm, look
+from companion.planning.methods import Known, Subtasks, away
+from companion.planning.registry import Each, Method, Plan, rows
 from companion.planning.steps import Geometry, Step
 
+# --- Methods and steps that belong to no task: what others do first, in between, or in the end -----------------------
+
+
+def localize(known: Known, km: str, name: str) -> Subtasks | None:
+    """Look at it; the rest needs a new plan."""
+    return [("a_look", name), ("a_replan", name)]
+
+
+def after_arms_home(known: Known, km: str, task: str, *arguments: str) -> Subtasks | None:
+    """Bring empty arms home, then do the task: after an interrupted act one may be in the way, in a cabinet say."""
+    sides = away(known, km)
+    if not sides:
+        return known.unfit(fact(Kind.ARMS_HOME))
+    return [*(("a_home", side) for side in sides), (task, *arguments)]
+
+
+COMMON = Plan(
+    methods={"localize": (localize,)},
+    around={"after_arms_home": after_arms_home},
+    actions={"a_home": home, "a_look": look, "a_confirm": confirm},
+)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
+
 os.environ.setdefault("GTPYHOP_QUIET", "true")  # else it prints a greeting when imported
-import gtpyhop
 
 MOST_REJECTED, LARGEST_WHY = 24, 100  # of a search, the first ones; bytes of a reason: 4 kB hold them (estimates)
 MOST_STEPS = 200

@@ -7,8 +7,8 @@ from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Fact, Kind, fact
 from companion.languages.values import Side
 from companion.models import LYING
+from companion.planning.methods import fallen
 from companion.planning.situation import Situation, configured, on_wire
-from companion.planning.state_facts import fallen
 from companion.planning.steps import CLOSE_S, Geometry, Step, approach_points, free_speed, horizontal, move
 from velma.kinematics.frames import transform
 from velma.kinematics.motion import Motion

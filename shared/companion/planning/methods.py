@@ -4,13 +4,127 @@ A method gets Known, the id of the state at km, and the arguments of its task. I
 not apply; it raises Unanswered if km does not know a fact. Must not know: geometry.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from companion.languages.facts import Fact, Facts
+import numpy as np
+import pinocchio as pin
+
+from companion.languages import wm
+from companion.languages.cmd import BACK
+from companion.languages.facts import Fact, Facts, Kind, fact
 from companion.languages.values import Side
 from companion.planning.asking import Asking
-from companion.planning.state_facts import StateFacts
+from velma import names
+from velma.kinematics.frames import lies, transform, upside_down
+
+# --- The facts that methods of the domain need of a state at km: what is held, what stands where, what was seen ------
+
+
+SAME_PLACE_M = 0.05  # nearer to where it stood before, a thing is there again (estimate)
+BESIDE_M, LEVEL_M = 0.4, 0.3  # nearer than this a thing may be in a hand's way to another one; in height (estimates)
+HOME_WITHIN = 0.1  # [rad] of each joint (estimate: more than the impedance control leaves)
+
+
+class StateFacts:
+    """Facts of a state; `state` is an id at km. Each method raises Unanswered if km does not know."""
+
+    def __init__(self, ask: Asking) -> None:
+        self._ask = ask
+
+    def holder(self, state: str, name: str) -> Side | None:
+        """Return the hand that holds the thing, None for none."""
+        return self._ask(wm.CurrentGrasp(state=state, object=name), wm.GraspOf).side
+
+    def in_hand(self, state: str, side: Side) -> str:
+        """Return the thing in this hand, "" if empty."""
+        return self._ask(wm.GraspAtSide(state=state, side=side), wm.GraspOf).object
+
+    def at_home(self, state: str, side: Side) -> bool:
+        """Whether the arm is in its start posture, wherever the torso is turned."""
+        arm = self._ask(wm.ArmConfiguration(state=state, side=side), wm.Configuration).q
+        return bool(np.abs(np.array(arm) - names.START[names.ARM[side]]).max() < HOME_WITHIN)
+
+    def support(self, state: str, name: str) -> str:
+        """Return the thing that this one stands on, "" if none is known."""
+        return self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).on
+
+    def places(self, state: str, word: str) -> tuple[str, ...]:
+        """Return the furniture of this id or class: "table" is any table."""
+        found = self._ask(wm.StaticObjects(state=state), wm.Objects).objects
+        kind = word.capitalize()
+        return tuple(
+            one.id for one in found if word == one.id or self._true(state, wm.Relation.IS_INSTANCE_OF, one.id, kind)
+        )
+
+    def moveable(self, state: str) -> tuple[str, ...]:
+        """Return all things that can be taken."""
+        return tuple(one.id for one in self._ask(wm.MoveableObjects(state=state), wm.Objects).objects)
+
+    def beside(self, state: str, name: str) -> list[str]:
+        """Return what stands near the thing and can be taken, nearest first; nothing that the plan itself put there."""
+        others = self._near(state, name, BESIDE_M, LEVEL_M)
+        return [one for one in others if self.holder(state, one) is None and self.exact(state, one)]
+
+    def _near(self, state: str, name: str, radius: float, height: float) -> list[str]:
+        """Return the other moveable things within a distance and a difference of height [m], nearest first."""
+        at = {
+            one: np.array(self._ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose.xyz)
+            for one in self.moveable(state)
+        }
+        if name not in at:
+            return []
+        away = {one: xyz - at[name] for one, xyz in at.items() if one != name}
+        distance = {one: float(np.hypot(x, y)) for one, (x, y, z) in away.items() if abs(z) < height}
+        return sorted((one for one, far in distance.items() if far < radius), key=distance.__getitem__)
+
+    def origin(self, state: str, name: str) -> wm.PoseOf:
+        """Return where the thing stood before it was taken."""
+        return self._ask(wm.ObjectOrigin(state=state, object=name), wm.PoseOf)
+
+    def container(self, state: str, name: str) -> bool:
+        """Whether something can be put into the thing."""
+        return self._true(state, wm.Relation.IS_INSTANCE_OF, name, "Container")
+
+    def filled(self, state: str, name: str) -> bool:
+        """Whether something was poured into the thing."""
+        return any(self._true(state, wm.Relation.IS_IN, f"{one}.content", name) for one in self.moveable(state))
+
+    def at(self, state: str, name: str, where: str) -> bool:
+        """Whether the thing stands on or in the place already, or where it stood before it was taken."""
+        here = self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf)
+        if where == BACK:
+            return here.held_by is None and math.dist(here.pose.xyz, self.origin(state, name).pose.xyz) < SAME_PLACE_M
+        return here.on in self.places(state, where) and self.container(state, here.on) == self.inside(state, name)
+
+    def fallen(self, state: str, name: str) -> Fact | None:
+        """Return how the thing lies that does not stand; None for one that stands."""
+        return fallen(name, transform(self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose))
+
+    def inside(self, state: str, name: str) -> bool:
+        """Whether the thing stands inside another one, so that it must come out before anything is poured into it."""
+        on = self.support(state, name)
+        return bool(on) and self._true(state, wm.Relation.IS_IN, name, on)
+
+    def exact(self, state: str, name: str) -> bool:
+        """Whether the thing was seen where it stands, not only predicted to stand there."""
+        return self._true(state, wm.Relation.HAS_EXACT_POSE, name)
+
+    def _true(self, state: str, relation: str, subject: str, value: str = "") -> bool:
+        query = wm.Holds(state=state, relation=relation, subject=subject, value=value)
+        return self._ask(query, wm.Truth).value
+
+
+def fallen(name: str, pose: pin.SE3) -> Fact | None:
+    """Return how a thing in this pose lies that does not stand; None for one that stands."""
+    if not lies(pose):
+        return None
+    return fact(Kind.UPSIDE_DOWN if upside_down(pose) else Kind.LIES, name)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 OTHER = {Side.LEFT: Side.RIGHT, Side.RIGHT: Side.LEFT}
 

@@ -13,8 +13,8 @@ from companion.planning import assembling
 from companion.planning.asking import Asking, Unanswered
 from companion.planning.engine import ROWS, Search, merged
 from companion.planning.looking import look_for
+from companion.planning.methods import StateFacts
 from companion.planning.registry import Argument, tasks
-from companion.planning.state_facts import StateFacts
 from companion.planning.steps import Geometry
 from velma.kinematics.robot import Robot
 

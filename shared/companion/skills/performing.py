@@ -12,21 +12,32 @@ import numpy as np
 import pinocchio as pin
 from msgspec.structs import replace
 
+from companion import tasks
 from companion.languages import rc, rs
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import BodyPosture, Pose, Side
-from companion.skills import motions, senses
+from companion.skills import motions, moving, senses
 from companion.skills.evidence import evidence
 from companion.skills.looking_again import MORE_LOOKS
 from companion.skills.loop_messages import Motion, Open, Phase, refusal
-from companion.skills.registry import SKILLS
 from companion.skills.situation import Situation
-from companion.skills.skill import Asked, Cancelled, NotPossible, Sensed, Skill
+from companion.skills.skill import Asked, Cancelled, NotPossible, Sensed, Skill, SkillRow
 from velma import names
 from velma.control.cartesian import GRAVITY, CartesianGains
 from velma.control.grip import Grip
 from velma.errors import MotionError
 from velma.kinematics.frames import xyz_quat
+
+# --- Which skill performs which act: those of this toolkit, and those of the tasks -----------------------------------
+
+
+SKILLS: dict[type[rc.Command], SkillRow] = {
+    row.act: row for part in (moving, *tasks.parts("perform")) for row in part.SKILLS
+}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 SAG_S = 0.3  # [s] until a hand that was stopped hangs still: -0.4 mm with the jar, 1.3 mm without it (measured)
 IN_HAND_M = 0.05  # nearer to its place in the hand, a thing is in it (estimate: that place is known to 1 cm)

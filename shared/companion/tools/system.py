@@ -87,7 +87,7 @@ SYSTEM = System(
         promises="companion.tools.promises:broken",
         why="companion.tools.why.plans:passages",
         believed="companion.tools.why.beliefs:believed",
-        untouchable="companion.tools.verbs.real_robot:untouchable",
+        untouchable="companion.tools.verbs.checkup:untouchable",
         faults="companion.tools.verbs.fault:KINDS",
     ),
     job=JOB,

@@ -5,27 +5,153 @@ What was before that it reads from the recording. The server is Rerun's own, a c
 end, and the next viewer has the monitor start them again. Nobody waits for this process; it ends when nobody looks.
 """
 
+import heapq
 import os
 import select
 import signal
 import socket
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
+import msgspec
 import rerun as rr
 
 from operate.pictures import wire
 from operate.pictures.blueprint import LIVE_S, YOUNG
 from operate.pictures.file import NAME, laid_out
-from operate.pictures.forward import Forward
 from operate.pictures.happenings import Happening, Lost, Reader
-from operate.pictures.past import Past
 from operate.pictures.server import Server, rss_mb
 from operate.pictures.sheet import Sheet
 from operate.pictures.stage import Stage
 from operate.pictures.viewer_address import LOOPBACK, Place, free_port
-from operate.recording.records import Spoken, understood
+from operate.recording.mcap_file import FILE, Reading
+from operate.recording.records import House, Spoken, understood
+from operate.run_folder import VERDICTS_FILE, Judged
 from operate.system import System, here
+
+# --- What was before somebody looked: of a run that goes on, from its recording and its verdicts ---------------------
+
+
+SIGNALS_S = 900.0
+"""Signals of the robot are drawn from so long before on [s], everything else from the beginning. Drawing them takes a
+processor 2 % of their time, at the lowest of priorities (docs/rerun.md)."""
+LATE_S = 60.0
+"""What agents logged, and a verdict about it, may come so much later than it was said [s]; estimate: answers are waited
+for that long."""
+_decode = msgspec.json.Decoder(Judged).decode
+
+
+class Past:
+    """Happenings before `at` [unix s]; what comes from then on, who feeds the pictures has."""
+
+    def __init__(self, at: float = 0.0) -> None:
+        self._at = at
+        self._judged: set[tuple[float, str, str]] = set()
+        self._received: set[float] = set()
+
+    def has(self, at: float) -> bool:
+        """Whether the past has what was heard at `at` [unix s]."""
+        return at < self._at and (at < self._at - LATE_S or at in self._received)
+
+    def judged(self, one: Judged) -> bool:
+        """Whether the past has this verdict."""
+        return _name(one) in self._judged
+
+    def read(self, run: Path, system: System, reader: Reader) -> Iterator[Happening]:
+        """Yield them in the order of time."""
+        return heapq.merge(self._heard(run, system, reader), self._verdicts(run), key=lambda one: one.at)
+
+    def _heard(self, run: Path, system: System, reader: Reader) -> Iterator[Happening]:
+        signals = system.addition("telemetry") or {}
+        for record in Reading(run / FILE, system):
+            old = record.received < self._at - SIGNALS_S
+            if record.received >= self._at or (old and isinstance(record, House) and record.kind in signals):
+                continue
+            if record.received > self._at - LATE_S:
+                self._received.add(record.received)
+            yield from reader.read(record)
+
+    def _verdicts(self, run: Path) -> Iterator[Happening]:
+        try:
+            lines = (run / VERDICTS_FILE).open("rb")
+        except FileNotFoundError:
+            return
+        with lines:
+            for line in lines:
+                if not line.endswith(b"\n"):  # it is being written
+                    return
+                one = _decode(line)
+                if one.t >= self._at:
+                    continue
+                if one.t > self._at - LATE_S:
+                    self._judged.add(_name(one))
+                yield Happening(one.t, one)
+
+
+def _name(one: Judged) -> tuple[float, str, str]:
+    return one.t, one.id, one.verdict
+
+
+# --- Viewers' connections, passed on to Rerun's server: its ports are open before it runs, and a viewer has it started
+
+
+MOST = 64
+"""Connections at a time, two threads each; further ones wait (estimate: a browser has six)."""
+PART_BYTES = 256 * 1024
+
+
+class Forward:
+    """Passes on what connects to `listener`, to `port` of this machine."""
+
+    def __init__(self, listener: socket.socket, port: int) -> None:
+        self._listener, self._port = listener, port
+        self._room, self._lock = threading.BoundedSemaphore(MOST), threading.Lock()
+        self._connected, self._left = 0, time.monotonic()
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    @property
+    def quiet_s(self) -> float:
+        """Time since the last viewer left [s]; 0 while one is connected."""
+        with self._lock:
+            return 0.0 if self._connected else time.monotonic() - self._left
+
+    def _serve(self) -> None:
+        while True:
+            self._room.acquire()
+            viewer, _ = self._listener.accept()
+            self._count(1)
+            threading.Thread(target=self._join, args=(viewer,), daemon=True).start()
+
+    def _count(self, more: int) -> None:
+        with self._lock:
+            self._connected += more
+            self._left = time.monotonic()
+
+    def _join(self, viewer: socket.socket) -> None:
+        """Pass on what either side says until one of them ends the connection."""
+        with suppress(OSError), viewer, socket.create_connection((LOOPBACK, self._port)) as server:
+            back = threading.Thread(target=_pass, args=(server, viewer), daemon=True)
+            back.start()
+            _pass(viewer, server)
+            back.join()
+        self._count(-1)
+        self._room.release()
+
+
+def _pass(source: socket.socket, sink: socket.socket) -> None:
+    with suppress(OSError):
+        while data := source.recv(PART_BYTES):
+            sink.sendall(data)
+    for end in (source, sink):
+        with suppress(OSError):
+            end.shutdown(socket.SHUT_RDWR)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 FLUSH_S = 0.2
 """Pictures are renewed so often; estimate: an eye calls it smooth enough, and a flush costs 5-10 ms."""

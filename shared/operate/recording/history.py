@@ -14,9 +14,9 @@ import msgspec
 from fipa_codec.communicate import UNREADABLE
 from operate.fault_lines import done
 from operate.judging import judged
-from operate.recording import hearing, reading
+from operate.recording import ends, reading
+from operate.recording.ends import Hearing, Told, receipts
 from operate.recording.fault_file import KIND, FaultFile, fault_in
-from operate.recording.hearing import Hearing, Told, receipts
 from operate.recording.mcap_file import Read
 from operate.recording.records import SETTING, Garbage, House, Origin, Record, Spoken, Token
 from operate.run_folder import FLEET_FILE, Fault, Fleet, Judged, ProcessState, ProcessStatus
@@ -145,7 +145,7 @@ def of_records(records: Iterable[Record], system: System, *, whole: bool = True)
         said=said,
         copies=copies,
         receipts=tuple(receipts(houses)),
-        hearing=hearing.of(records),
+        hearing=ends.of(records),
         told=tuple(_decoded(houses, system.addition("telemetry") or {})),
         entered=tuple(_entered(records)),
         garbage=tuple(record for record in records if isinstance(record, Garbage)),

@@ -7,8 +7,7 @@ stands alone. So it does not matter when the recorder began, or whether it lived
 from pathlib import Path
 
 from operate.recording import mcap_file
-from operate.recording.ends import Ends
-from operate.recording.hearing import RECEIPT
+from operate.recording.ends import RECEIPT, Ends
 from operate.recording.mcap_file import Read
 from operate.recording.records import Garbage, House, Record, Spoken, Unpaired
 from operate.recording.stored import NoRecordingError

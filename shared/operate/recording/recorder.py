@@ -9,6 +9,7 @@ report and pictures.
 
 import math
 import os
+import re
 import signal
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -21,6 +22,7 @@ import msgspec
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.full_disk import worded
 from agent_runtime.io.log_sender import KIND as PART
+from agent_runtime.io.log_sender import OFFSET, WANTED
 from agent_runtime.io.logs import WINDOW_S, Log, Repeats
 from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.pulse import Pulse
@@ -31,7 +33,6 @@ from operate.judging.judged import Judging, encoded
 from operate.judging.live import Live
 from operate.pictures.feed import Feed, feeding
 from operate.recording.contents import versions_now
-from operate.recording.copied_logs import CopiedLogs, Put
 from operate.recording.ends import Ends
 from operate.recording.fault_file import KIND as FAULT
 from operate.recording.fault_file import OPERATOR, FaultFile
@@ -41,10 +42,98 @@ from operate.recording.reading import HEARTBEAT
 from operate.recording.records import SETTING, Garbage, House, Record, Spoken, Token, understood
 from operate.recording.samples import sampled
 from operate.recording.stored import NOTE
-from operate.recording.systems import SystemNameError, folders
-from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Happened, Judged
+from operate.run_folder import LIVE_FILE, STEPS, VERDICTS_FILE, Against, Happened, Judged
 from operate.system import System
 from topdown.judge.verdicts import Verdict
+
+# --- Folders of the recordings of several systems: robots at one router, and one monitor -----------------------------
+# With one system its recording is in the run folder itself; with several each has the folder of its name therein, which
+# may be the run folder of that robot's fleet, and its step logs are there then.
+
+
+SYSTEM_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+"""A system's name is one chunk of a key, and here a folder's name."""
+
+
+class SystemNameError(ValueError):
+    """A system's name that could not be a folder's; `name`."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        super().__init__(f"no system can be called {name!r}: letters, digits and _.- only, as in velma1")
+
+
+def folders(run: Path, systems: tuple[str, ...]) -> dict[str, Path]:
+    """System -> where its recording is. Raises SystemNameError."""
+    for name in systems:
+        if SYSTEM_NAME.fullmatch(name) is None:
+            raise SystemNameError(name)
+    return {systems[0]: run} if len(systems) == 1 else {name: run / name for name in systems}
+
+
+# --- Step logs of agents on other hosts, or in containers of their own: copied into the recorder's run folder --------
+# An agent that lives and has no log in the folder is asked for it, each ASK_S, with what is there of it already
+# (agent_runtime.io.log_sender). So a copy is whole whenever the recorder began, and whatever was lost on the way; who
+# reads the folder reads a copy as any other log.
+
+
+ASK_S = 1.0
+"""Between two askings; estimate: a copy that lacks something goes on within it."""
+COPIED = "copied"
+"""Ending of the name of an empty file beside a log: it is a copy."""
+
+Put = Callable[[str, bytes], None]
+
+
+class CopiedLogs:
+    """The copies in one run folder, of the agents of one system."""
+
+    def __init__(self, run: Path, system: str) -> None:
+        self._folder, self._system = run / STEPS, system
+        self._of = {path.stem for path in self._folder.glob(f"*.{COPIED}")}
+        self._living: set[str] = set()
+        self._asked = 0.0
+
+    def lived(self, agent: str, *, alive: bool) -> None:
+        """An agent came, or is gone."""
+        if not alive:
+            self._living.discard(agent)
+            return
+        self._living.add(agent)
+        if agent not in self._of and not self._log(agent).exists():
+            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            (self._folder / f"{agent}.{COPIED}").touch(mode=0o600)
+            self._of.add(agent)
+
+    def ask(self, put: Put, own: str) -> None:
+        """Ask for what is missing, where it is time; `own`: the name of who asks."""
+        now = time.monotonic()
+        if now < self._asked + ASK_S:
+            return
+        self._asked = now
+        for agent in sorted(self._of & self._living):
+            put(service_key(self._system, WANTED, own, agent), OFFSET.pack(self._size(agent)))
+
+    def take(self, agent: str, data: bytes) -> None:
+        """Add a part of a log to the copy, if it goes on from there. Raise OSError."""
+        if agent not in self._of or len(data) <= OFFSET.size:
+            return
+        (at,) = OFFSET.unpack_from(data)
+        size, end = self._size(agent), at + len(data) - OFFSET.size
+        if at <= size < end:
+            with self._log(agent).open("ab") as file:
+                file.write(data[OFFSET.size + size - at :])
+
+    def _log(self, agent: str) -> Path:
+        return self._folder / f"{agent}.{STEPS}"
+
+    def _size(self, agent: str) -> int:
+        log = self._log(agent)
+        return log.stat().st_size if log.exists() else 0
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 NAME = "monitor"
 FLUSH_S = 0.1

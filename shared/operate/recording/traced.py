@@ -20,8 +20,7 @@ from operate.recording import history, reading
 from operate.recording.records import Spoken, Token
 from operate.run_folder import STEPS, Fault, Judged
 from operate.system import System
-from operate.tracing.linking import Talk, spans
-from operate.tracing.trace import Away, Identity, Message, Step, Trace
+from operate.tracing.trace import Away, Identity, Message, Step, Talk, Trace, spans
 from topdown.judge import follow
 
 LONGEST_S = 60.0

@@ -14,7 +14,7 @@ import numpy as np
 from fipa_codec.communicate import number_of
 from fipa_codec.performatives import Performative
 from operate.quantiles import tail
-from operate.recording.hearing import Told
+from operate.recording.ends import Told
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from topdown.model.design import Design

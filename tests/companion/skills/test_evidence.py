@@ -13,7 +13,7 @@ from companion.languages.values import Side
 from companion.skills import motions
 from companion.skills.evidence import TELLS
 from companion.skills.evidence import evidence as evidence_of
-from companion.skills.registry import SKILLS
+from companion.skills.performing import SKILLS
 from companion.skills.situation import Situation
 from companion.skills.skill import Sensed
 from services.executor.simulation import InProcess

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from companion.skills import motions
-from companion.skills.head_turning import AHEAD, LOOK_SPEED, ROOM_M, turning
 from companion.skills.loop_messages import KNOT_S, HeadGoal
+from companion.skills.motions import AHEAD, LOOK_SPEED, ROOM_M, turning
 from companion.skills.situation import Situation, beginning
 from velma import names
 from velma.kinematics.robot import Robot

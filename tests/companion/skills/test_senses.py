@@ -11,8 +11,7 @@ from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Side
 from companion.look_around import POINTS
 from companion.skills import senses
-from companion.skills.performing import perform
-from companion.skills.registry import SKILLS
+from companion.skills.performing import SKILLS, perform
 from companion.skills.senses import BLIND_LOOKS
 from companion.skills.sight import Neck
 from companion.skills.situation import Situation

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.skills.loop_messages import KNOT_S
-from services.executor.loop.track import BRAKE_S, FARTHEST_START, Track
+from services.executor.loop.act import BRAKE_S, FARTHEST_START, Track
 from velma.errors import MotionError
 from velma.names import START
 

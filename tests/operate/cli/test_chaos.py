@@ -11,9 +11,8 @@ from typer.testing import CliRunner
 from companion.tools.system import SYSTEM
 from operate.cli import lazy
 from operate.cli.__main__ import app
-from operate.cli.chaos import cells, table, verb
-from operate.cli.chaos.cells import Cell
-from operate.cli.chaos.trial import Result
+from operate.cli.chaos import trial, verb
+from operate.cli.chaos.trial import Cell, Result
 from operate.cli.errors import UsageError
 from operate.cli.faults import moments, verbs
 from operate.cli.faults.kinds import KINDS, VERBS
@@ -34,12 +33,12 @@ def result(cell: Cell = CELL, *, success: bool = True, why: str = "", began: boo
 
 
 @given(st.integers(0, 2**31), st.sampled_from([SYSTEM, WITHOUT]))
-def test_a_seed_is_a_cell_that_can_be_done(seed: int, system: cells.System) -> None:
+def test_a_seed_is_a_cell_that_can_be_done(seed: int, system: trial.System) -> None:
     """Always the same; its kind's verb takes its words, its moment is one, its amount lies in the kind's span."""
-    cell = cells.choose(system, seed, (), ())
-    assert cell == cells.choose(system, seed, (), ())
+    cell = trial.choose(system, seed, (), ())
+    assert cell == trial.choose(system, seed, (), ())
     row = KINDS[cell.kind]
-    assert cell.target in cells.targets_of(system, row)
+    assert cell.target in trial.targets_of(system, row)
     moments.parse(cell.at, system.design, cell.target)
     if row.amount is not None:
         assert cell.amount is not None
@@ -55,14 +54,14 @@ def test_a_seed_is_a_cell_that_can_be_done(seed: int, system: cells.System) -> N
 @given(st.integers(0, 2**31), st.sets(st.sampled_from(VERBS), min_size=1))
 def test_only_what_was_asked_for_is_done(seed: int, kinds: set[str]) -> None:
     """Kinds and processes."""
-    cell = cells.choose(SYSTEM, seed, tuple(sorted(kinds)), ("pl", "co"))
+    cell = trial.choose(SYSTEM, seed, tuple(sorted(kinds)), ("pl", "co"))
     assert cell.kind in kinds
     assert cell.target in ("pl", "co")
 
 
 def test_all_kinds_and_phases_come() -> None:
     """Some seed has each."""
-    found = [cells.choose(SYSTEM, seed, (), ()) for seed in range(500)]
+    found = [trial.choose(SYSTEM, seed, (), ()) for seed in range(500)]
     assert {one.kind for one in found} == {*VERBS}
     assert {one.phase for one in found} == {*SYSTEM.job.phases}
 
@@ -70,7 +69,7 @@ def test_all_kinds_and_phases_come() -> None:
 def test_a_kind_that_can_be_done_to_none_is_told() -> None:
     """The loop has no wire."""
     with pytest.raises(UsageError, match="cut can be done to none of loop"):
-        cells.choose(SYSTEM, 1, ("cut",), ("loop",))
+        trial.choose(SYSTEM, 1, ("cut",), ("loop",))
 
 
 @pytest.mark.parametrize(
@@ -91,18 +90,18 @@ def test_wrong_use_is_told(words: list[str], why: str) -> None:
 @pytest.mark.parametrize(
     ("one", "held", "colour"),
     [
-        (result(), True, table.DONE),
-        (result(success=False, why="no way"), True, table.EXPLAINED),
-        (result(success=False), False, table.BROKEN),
-        (result(broken=("lost",)), False, table.BROKEN),
-        (result(stuck=True), False, table.BROKEN),
-        (result(orphans=("python",)), False, table.BROKEN),
-        (result(began=False), True, table.NOTHING),
+        (result(), True, verb.DONE),
+        (result(success=False, why="no way"), True, verb.EXPLAINED),
+        (result(success=False), False, verb.BROKEN),
+        (result(broken=("lost",)), False, verb.BROKEN),
+        (result(stuck=True), False, verb.BROKEN),
+        (result(orphans=("python",)), False, verb.BROKEN),
+        (result(began=False), True, verb.NOTHING),
     ],
 )
 def test_a_run_holds_where_it_is_done_or_explained_and_nothing_is_broken(one: Result, held: bool, colour: str) -> None:
     """And its seed has the colour of that."""
-    assert (one.held, table.colour(one)) == (held, colour)
+    assert (one.held, verb.colour(one)) == (held, colour)
 
 
 @pytest.fixture
@@ -149,7 +148,7 @@ def test_programs_get_a_line_for_each_run(done: list[int]) -> None:
     """With the cell that repeats it."""
     told = CliRunner().invoke(app, ["chaos", "--runs", "2", "--seed", "5", "--out", "c", "--format", Format.JSON])
     found = [msgspec.json.decode(line, type=Result) for line in told.stdout.splitlines()]
-    assert [one.cell for one in found] == [cells.choose(SYSTEM, seed, (), ()) for seed in (5, 6)]
+    assert [one.cell for one in found] == [trial.choose(SYSTEM, seed, (), ()) for seed in (5, 6)]
 
 
 def test_beside_a_fleet_it_is_refused(done: list[int], monkeypatch: pytest.MonkeyPatch) -> None:

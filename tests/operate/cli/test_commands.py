@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from companion.run_files import SLOTS_FILE
-from companion.tools.verbs.pace import Pace
+from companion.tools.verbs.checkup import Pace
 from operate.cli.__main__ import app
 from operate.cli.fleet import starting
 
@@ -130,7 +130,7 @@ def test_the_demo_takes_the_speed_that_the_machine_holds(
 ) -> None:
     """Unless a person says which; and says so where it is not real time."""
     pretend(True)
-    monkeypatch.setattr("companion.tools.verbs.pace.measure", lambda: pace)
+    monkeypatch.setattr("companion.tools.verbs.checkup.measure", lambda: pace)
     start, started = starting.start, []
     monkeypatch.setattr(starting, "start", lambda run, given: started.append(given) or start(run, given))
     done = roco("demo", "--out", tmp_path / "out", *words)

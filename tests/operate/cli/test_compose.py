@@ -18,7 +18,7 @@ from companion.run_files import HiAddress
 from companion.tools.verbs.hi import address
 from operate.cli.__main__ import app
 from operate.cli.errors import DockerError, UsageError
-from operate.cli.fleet import checkup_machine, targets
+from operate.cli.fleet import checkup, targets
 from operate.cli.fleet.checkup import Level
 from operate.run_folder import FAULTS_FILE, Fleet, ProcessState, ProcessStatus
 
@@ -227,11 +227,11 @@ def test_doctor_misses_compose(world: Path, monkeypatch: pytest.MonkeyPatch) -> 
     """Without it no container of ours can be started, though docker answers; it is a plugin or a program."""
     bin = world.parent / "bin"
     monkeypatch.setenv("PATH", str(bin))
-    (check,) = checkup_machine.containers()
+    (check,) = checkup.containers()
     assert (check.level, check.what) == (Level.NOTE, "engine 28.2.2, but no Compose")
     (bin / "docker-compose").touch(mode=0o755)
-    (check,) = checkup_machine.containers()
+    (check,) = checkup.containers()
     assert (check.level, check.what) == (Level.FINE, "engine 28.2.2, docker-compose")
     (world / "compose").touch()
-    (check,) = checkup_machine.containers()
+    (check,) = checkup.containers()
     assert (check.level, check.what) == (Level.FINE, "engine 28.2.2, Compose 2.26.1")

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from operate.cli import lazy
 from operate.cli.errors import UsageError
-from operate.cli.faults import scenario, verbs
+from operate.cli.faults import run, verbs
 from operate.cli.faults.kinds import AMOUNTS, KINDS, UNTIMED, VERBS
-from operate.cli.faults.scenario import SIGNED, Entry, Scenario, choose, load, words
+from operate.cli.faults.run import SIGNED, Entry, Scenario, choose, load, words
 from operate.cli.verbs import VERBS as VERBS_OF_ROCO
 
 numbers = st.floats(0, 100).map(lambda value: round(value, 3))
@@ -134,7 +134,7 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, why: str) -> None:
 
 def test_the_example_is_right() -> None:
     """That of the depot."""
-    assert len(scenario.load(Path(__file__).parents[3] / "examples/depot/faults.toml").fault) == 3
+    assert len(run.load(Path(__file__).parents[3] / "examples/depot/faults.toml").fault) == 3
 
 
 def test_each_kind_is_a_verb_with_the_options_of_its_row() -> None:

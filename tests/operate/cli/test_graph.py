@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from companion.design import DESIGN
 from companion.tools.system import SYSTEM
 from operate.cli.fleet.process_status import Beat, Seen
-from operate.cli.terminal import arcs, graph
+from operate.cli.terminal import graph
 from operate.run_folder import ProcessState, ProcessStatus, Sent
 
 NODES = ("a", "b", "c", "d", "e")
@@ -21,7 +21,7 @@ edges = st.dictionaries(
 @given(edges)
 def test_every_edge_joins_its_two_nodes(joined: dict[str, tuple[str, str]]) -> None:
     """One corner at each end, in a row of that node, and a line in one column without a gap between them."""
-    rows = arcs.rows(NODES, joined)
+    rows = graph.rows(NODES, joined)
     assert [row.node for row in rows if row.node] == list(NODES)
     of = []
     for row in rows:
@@ -49,7 +49,7 @@ def test_no_order_of_the_nodes_has_shorter_arcs_than_the_one_chosen(joined: dict
     def length(order: list[str]) -> int:
         return sum(abs(order.index(one) - order.index(other)) for one, other in joined.values())
 
-    found = arcs.ordered(NODES, joined)
+    found = graph.ordered(NODES, joined)
     assert sorted(found) == list(NODES)
     assert length(found) <= length(list(NODES))
 
@@ -57,7 +57,7 @@ def test_no_order_of_the_nodes_has_shorter_arcs_than_the_one_chosen(joined: dict
 def test_an_edge_to_nowhere_is_named() -> None:
     """With the nodes there are."""
     with pytest.raises(ValueError, match="edge E joins a and z; there are a, b"):
-        arcs.rows(("a", "b"), {"E": ("a", "z")})
+        graph.rows(("a", "b"), {"E": ("a", "z")})
 
 
 def sent(t: float, channel: str, size: int) -> Sent:

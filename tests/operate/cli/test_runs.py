@@ -16,8 +16,7 @@ from typer.testing import CliRunner
 
 from operate.cli.__main__ import app
 from operate.cli.errors import UsageError
-from operate.cli.runs.catalogue import FAILED, Run, is_run, size, span
-from operate.cli.runs.remove import Rule, age
+from operate.cli.runs.catalogue import FAILED, Rule, Run, age, is_run, size, span
 from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, Fleet, ProcessState, ProcessStatus
 
 NOW = 1_700_000_000.0

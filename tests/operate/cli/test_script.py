@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
 from operate.cli.traffic.listen import recorded, said
-from operate.cli.traffic.script import Difference, Part, Script, before, difference, parts, plain
+from operate.cli.traffic.replace import Difference, Part, Script, before, difference, parts, plain
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 HEARD = [

@@ -13,9 +13,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from operate.cli.fleet import checkup_fleet, process_status
+from operate.cli.fleet import checkup, process_status
 from operate.cli.fleet.checkup import Level
-from operate.cli.fleet.container_snapshot import SHEET, sheet
+from operate.cli.fleet.compose import SHEET, sheet
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Beat, Look, Seen, Used
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
@@ -161,7 +161,7 @@ def test_who_is_stuck_before_it_is_ready_is_not_waited_for(used: Used, age_s: fl
     """Doctor does not say "wait" of it, nor of one that is optional."""
     status = ProcessStatus("km", ProcessState.STARTING, 7, optional=True)
     seen = (Seen(status, Beat(pid=7), age_s, used),)
-    (check,) = checkup_fleet.processes(Local(Path()), Look(None, seen, False, 0.0))
+    (check,) = checkup.processes(Local(Path()), Look(None, seen, False, 0.0))
     assert (check.level, check.what) == (Level.WRONG, words)
     assert "roco agent restart km" in check.remedy
 

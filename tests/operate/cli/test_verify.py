@@ -19,7 +19,7 @@ from agent_runtime.io.step_replay import Parted, Put
 from agent_runtime.io.steplog import HEAD, fingerprint, read
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
-from operate.cli.traffic.parting import Kept, first
+from operate.cli.traffic.verify import Kept, first
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
 

@@ -15,9 +15,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from companion.run_files import SLOTS_FILE
-from companion.tools.verbs import checkup, pace
+from companion.tools.verbs import checkup
 from operate.cli.__main__ import app
-from operate.cli.fleet import checkup_machine
+from operate.cli.fleet import checkup as general
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.cli.terminal import top
@@ -102,7 +102,7 @@ def test_top_ends_at_q_and_leaves_the_terminal_as_it_was(run: Path) -> None:
 
 def test_doctor_finds_nothing_wrong_with_a_fleet_that_is_well(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And a note where it is held."""
-    monkeypatch.setitem(checkup.CHECKS.machine, "imports", partial(checkup_machine.imports, ("msgspec",)))
+    monkeypatch.setitem(checkup.CHECKS.machine, "imports", partial(general.imports, ("msgspec",)))
     roco("stop", "--run-dir", run)
     done = roco("doctor", "--run-dir", run, "--format", "json")
     checks = {check["name"]: check for check in json.loads(done.stdout)["checks"]}
@@ -115,7 +115,7 @@ def test_doctor_names_what_died_and_what_was_left_behind(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each with its remedy; exit code 1."""
-    monkeypatch.setitem(checkup.CHECKS.machine, "imports", partial(checkup_machine.imports, ("msgspec",)))
+    monkeypatch.setitem(checkup.CHECKS.machine, "imports", partial(general.imports, ("msgspec",)))
     fleet = json.loads((run / "fleet.json").read_bytes())
     left = tmp_path / "runs" / "before"
     left.mkdir(parents=True)
@@ -144,13 +144,13 @@ def test_doctor_says_whether_real_time_is_held(
     """Without a fleet by a loop that is tried out, else by the one that runs; and what to do where it is not held."""
     asked: list[Path | None] = []
 
-    def measure(slots: Path | None = None) -> pace.Pace:
+    def measure(slots: Path | None = None) -> checkup.Pace:
         asked.append(slots)
-        return pace.Pace(500, late, held=late < 50)
+        return checkup.Pace(500, late, held=late < 50)
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(pace, "measure", measure)
-    monkeypatch.setitem(checkup.CHECKS.machine, "imports", partial(checkup_machine.imports, ("msgspec",)))
+    monkeypatch.setattr(checkup, "measure", measure)
+    monkeypatch.setitem(checkup.CHECKS.machine, "imports", partial(general.imports, ("msgspec",)))
     if runs:
         named(run, "loop")
         (tmp_path / "runs").symlink_to(run.parent)
@@ -175,7 +175,7 @@ def test_doctor_asks_nobody_about_a_loop_that_does_not_run(run: Path, monkeypatc
     """Beside a fleet none is tried out either: both would be late."""
     monkeypatch.chdir(run.parent)
     monkeypatch.setattr(folders, "RUNS", run.parent)
-    monkeypatch.setattr(pace, "measure", lambda *_: pytest.fail("a loop was timed"))
+    monkeypatch.setattr(checkup, "measure", lambda *_: pytest.fail("a loop was timed"))
     assert list(checkup.real_time()) == []
     assert list(checkup.loop(Local(run), Local(run).look())) == []
 
@@ -186,7 +186,7 @@ def test_doctor_says_whether_the_loop_gets_its_priority(
 ) -> None:
     """As the loop found it, not as the rights of this user let one expect."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(pace, "measure", lambda: pace.Pace(500, 0, held=True, realtime=realtime))
+    monkeypatch.setattr(checkup, "measure", lambda: checkup.Pace(500, 0, held=True, realtime=realtime))
     assert [check.level for check in checkup.real_time() if check.name == "priority"] == ["note"] * (not realtime)
 
 
@@ -195,7 +195,7 @@ def test_the_load_of_a_fleet_of_ones_own_is_only_told(run: Path, monkeypatch: py
     monkeypatch.chdir(run.parent)
     (run.parent / "runs").symlink_to(run.parent)
     monkeypatch.setattr(os, "getloadavg", lambda: (99.0, 0.0, 0.0))
-    assert next(iter(checkup_machine.processors())).level == "note"
+    assert next(iter(general.processors())).level == "note"
 
 
 def test_doctor_names_libraries_that_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -205,6 +205,6 @@ def test_doctor_names_libraries_that_are_missing(monkeypatch: pytest.MonkeyPatch
     (check,) = checkup.CHECKS.machine["libraries"]()
     assert check.what == "not installed: nowhere-to-be"
     assert "[executor]" in check.remedy
-    (check,) = checkup_machine.imports(("nowhere_to_be",))
+    (check,) = general.imports(("nowhere_to_be",))
     assert check.level == "wrong"
     assert "nowhere_to_be" in check.what

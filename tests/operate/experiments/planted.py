@@ -6,8 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from companion.tools.report.measures import MEASURES
-from companion.tools.report.plan_figures import Plan, PourFigures
+from companion.tools.report.measures import MEASURES, Plan, PourFigures
 from operate.experiments import results
 from operate.experiments.exchanges import Said
 from operate.experiments.measures import Runs

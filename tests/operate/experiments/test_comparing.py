@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from planted import Change, runs, said, times
 
-from companion.tools.report.plan_figures import PourFigures
-from operate.experiments import comparing, diverging, results
+from companion.tools.report.measures import PourFigures
+from operate.experiments import comparing, results
 from operate.experiments.comparing import Compared, Comparison, Verdict
 from operate.experiments.exchanges import Said
 from operate.experiments.measures import Runs
@@ -164,9 +164,9 @@ def test_thresholds_are_read_and_wrong_ones_named() -> None:
 def test_the_same_words_at_other_times_do_not_diverge() -> None:
     """Times, sizes, names of conversations and numbers in words make no difference."""
     for seed in range(2, 12):
-        assert diverging.first(said(1), said(seed)) is None
+        assert comparing.first(said(1), said(seed)) is None
     renamed = [msgspec.structs.replace(one, conversation=f"{one.conversation}x", size=1) for one in said(2)]
-    assert diverging.first(said(1), renamed) is None
+    assert comparing.first(said(1), renamed) is None
 
 
 @settings(max_examples=60, deadline=None)
@@ -175,7 +175,7 @@ def test_a_planted_difference_is_the_first_found(at: int, field: str) -> None:
     """Whichever communicate is another one, and however: it is the one that is named."""
     rows = list(said(1))
     rows[at] = msgspec.structs.replace(rows[at], **{field: "quite another"})
-    found = diverging.first(said(1), rows)
+    found = comparing.first(said(1), rows)
     assert found is not None
     assert found.a == said(1)[at]
     assert found.b == rows[at]
@@ -185,7 +185,7 @@ def test_a_planted_difference_is_the_first_found(at: int, field: str) -> None:
 def test_an_answer_that_did_not_come_is_named(at: int) -> None:
     """A's words are named, with nothing in B; the other way round likewise."""
     rows = [one for n, one in enumerate(said(1)) if n != at]
-    found, back = diverging.first(said(1), rows), diverging.first(rows, said(1))
+    found, back = comparing.first(said(1), rows), comparing.first(rows, said(1))
     assert found is not None
     assert back is not None
     assert (found.a, found.b) == (said(1)[at], None)
@@ -195,7 +195,7 @@ def test_an_answer_that_did_not_come_is_named(at: int) -> None:
 def test_a_conversation_that_was_not_held_is_named() -> None:
     """Five queries in place of six: the sixth is what only A has."""
     rows = [one for one in said(1) if one.conversation != "pl-1-2"]
-    found = diverging.first(said(1), rows)
+    found = comparing.first(said(1), rows)
     assert found is not None
     assert (found.of, found.conversation, found.b) == ("pl to km, query", 6, None)
 
@@ -205,7 +205,7 @@ def test_of_two_differences_the_earlier_one_is_named() -> None:
     rows = list(said(1))
     for at in (9, 2):
         rows[at] = msgspec.structs.replace(rows[at], kind="Other")
-    found = diverging.first(said(1), rows)
+    found = comparing.first(said(1), rows)
     assert found is not None
     assert found.a == said(1)[2]
     assert (found.of, found.conversation, found.position) == ("pl to km, query", 2, 1)
@@ -220,7 +220,7 @@ def test_conversations_side_by_side_may_be_interleaved_otherwise(seed: int) -> N
     while first or second:
         side = first if not second or (first and pick.random() < 0.5) else second
         mixed.append(msgspec.structs.replace(side.pop(0), t=float(len(mixed))))
-    assert diverging.first(said(1), mixed) is None
+    assert comparing.first(said(1), mixed) is None
 
 
 def test_of_sets_each_common_seed_is_aligned() -> None:

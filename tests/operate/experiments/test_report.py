@@ -8,13 +8,12 @@ from planted import runs, said, written
 from pyarrow import csv, parquet
 
 from companion.sentences import happened
-from companion.tools.report import planning_runs
-from companion.tools.report.measures import MEASURES
+from companion.tools.report import measures
+from companion.tools.report.measures import MEASURES, PourFigures
 from companion.tools.report.paper import PAPER
-from companion.tools.report.plan_figures import PourFigures
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import robot
-from operate.experiments import make, page, pictures, results, summary, tables
+from operate.experiments import make, page, results, summary, tables
 from operate.experiments.results import NothingHere
 from operate.experiments.run_figures import Latency, Result, Spans
 from operate.recording import history
@@ -141,11 +140,11 @@ def test_a_recorded_run_fills_every_table() -> None:
     }
     assert sum(cell["sent"].mean.value for cell in told.matrix.values() if "sent" in cell) == 420
     assert sum(cell.mean.value for cell in told.matrix["received"].values()) == 420
-    assert "<svg" in pictures.sizes(one)
-    assert "peak 150 kbit/s" not in pictures.sizes(one)
-    assert "data:image/png;base64" in pictures.sizes(one)
-    assert planning_runs.planning(one, 1)
-    assert planning_runs.planning(one, 3) == ""
+    assert "<svg" in page.sizes(one)
+    assert "peak 150 kbit/s" not in page.sizes(one)
+    assert "data:image/png;base64" in page.sizes(one)
+    assert measures.planning(one, 1)
+    assert measures.planning(one, 3) == ""
     assert "plan 1: peak bandwidth of C4, in steps of 1 s" in {row.name for row in told.rows}
     assert page.markdown(told, MEASURES).count("\n| jar grasped |") == 1
 

@@ -6,8 +6,7 @@ from noted import Noted, live
 
 from companion.tools.system import SYSTEM
 from operate.pictures.happenings import of_history
-from operate.pictures.lanes import FAULTS, REST
-from operate.pictures.stage import Stage
+from operate.pictures.stage import FAULTS, REST, Stage
 from operate.recording import history
 from operate.recording.fault_file import KIND, OPERATOR
 from operate.recording.records import House, Record

@@ -22,9 +22,9 @@ from agent_runtime.io.tap import Sample
 from companion.tools.system import SYSTEM
 from operate.pictures import feed as feeding
 from operate.pictures import wire
+from operate.pictures.child import Past
 from operate.pictures.feed import OVERHEAD, Feed, Queue
 from operate.pictures.happenings import Reader
-from operate.pictures.past import Past
 from operate.pictures.viewer_address import Place, ViewSettingError, wanted
 from operate.recording import mcap_file
 from operate.recording.recorder import Recorder

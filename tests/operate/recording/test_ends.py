@@ -18,8 +18,7 @@ from agent_runtime.testing.step_logs import StepLogs
 from fipa_codec.communicate import Communicate
 from operate.judging.judged import of_records
 from operate.recording import ends, mcap_file, reading
-from operate.recording.ends import LOST_S, SURE_S, Ends
-from operate.recording.hearing import RECEIPT
+from operate.recording.ends import LOST_S, RECEIPT, SURE_S, Ends
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, House, Origin, Record, Spoken, Token, Unpaired
 from operate.run_folder import STEPS

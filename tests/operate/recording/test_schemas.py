@@ -12,8 +12,8 @@ from synthetic import Run
 from companion.tools.system import SYSTEM
 from operate.filters import Filter
 from operate.recording import mcap_file, side_recording
+from operate.recording.mcap_file import schema
 from operate.recording.records import Garbage, House, Spoken, Token, Unpaired
-from operate.recording.schemas import schema
 
 PLAIN = {"string": str, "number": (int, float), "integer": int, "boolean": bool}
 """Types of a field that Foxglove's reader of JSON schemas takes, beside arrays and objects."""

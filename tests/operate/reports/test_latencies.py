@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
 from operate.recording import history, reading
-from operate.recording.hearing import Hearing
+from operate.recording.ends import Hearing
 from operate.recording.records import House, Record, Spoken, Token
 from operate.reports import counts, page
 from operate.reports.counts import Latency, Spans

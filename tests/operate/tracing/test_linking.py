@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from operate.tracing.linking import Talk, spans
-from operate.tracing.trace import Known, Message, Span, Step
+from operate.tracing.trace import Known, Message, Span, Step, Talk, spans
 
 
 def say(

@@ -7,10 +7,9 @@ not every grasp allows: so the grasp is chosen with the place.
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.planning.grasping import preferred, reachable, take, ways
-from companion.planning.inserting import BEST, inserted
 from companion.planning.methods import Known, Subtasks, away
 from companion.planning.places import Inside, Surfaces, places
-from companion.planning.placing import place
+from companion.planning.placing import BEST, inserted, place
 from companion.planning.registry import Argument, Plan, each_hand, each_try
 from companion.planning.steps import Geometry, Step
 

@@ -14,7 +14,7 @@ from companion.languages.values import Pose, Vector
 from companion.models import MODELS
 from companion.telemetry import RobotState, TrueState
 from companion.tools.beliefs import MOST_APART_MM, Belief, Beliefs
-from companion.tools.pictures import robot, things
+from companion.tools.pictures import robot, scene
 from companion.tools.pictures.scene import Scene
 from operate.pictures.colours import GHOST, INK
 from operate.pictures.happenings import Happening
@@ -109,7 +109,7 @@ class Believed:
         if self._ghosts.get(belief.object) == pose:
             return
         if belief.object not in self._ghosts:
-            for part, drawn in things.looks(belief.model, GHOSTLY):
+            for part, drawn in scene.looks(belief.model, GHOSTLY):
                 self._sheet.static(f"{entity}/{part}", drawn)
             self._sheet.add(entity, transforms, self._sheet.begin, HIDDEN)
         self._ghosts[belief.object] = pose

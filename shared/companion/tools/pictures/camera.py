@@ -11,7 +11,7 @@ import rerun as rr
 
 from companion.telemetry import Picture
 from companion.tools.pictures import robot
-from companion.tools.pictures.velma import entity
+from companion.tools.pictures.robot import entity
 from operate.pictures.colours import GREY
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, images, outlines
@@ -20,7 +20,7 @@ from velma.names import CAMERA_BODY
 CAMERA = f"{entity(next(link for link in robot.links() if link.name == CAMERA_BODY))}/camera"
 MARKERS = f"{CAMERA}/markers"
 SIZE = (400, 300)
-"""Pixels of a picture for people: half of velma.eyes.lens.WIDTH and HEIGHT (services.executor.pictures.SHRINK)."""
+"""Pixels of a picture for people: half of velma.eyes.lens.WIDTH and HEIGHT (services.executor.telemetry.SHRINK)."""
 FOCAL = SIZE[0] / 2 / math.tan(1.047 / 2)  # velma.eyes.lens.HALF_WIDTH
 BEFORE_M = 0.22
 """Distance of the picture from the camera in the 3D view; estimate: readable, and before the head, not the hands."""

@@ -1,16 +1,112 @@
 """Pictures of this robot beside those of any system: robot, things, beliefs, acts, camera, plan, numbers, lanes."""
 
+from collections.abc import Sequence
+
+import rerun as rr
+
+from companion.languages import rc, sw
+from companion.sentences import Reader
+from companion.sentences import step as worded
+from companion.telemetry import Lateness, RobotState, TrueState
 from companion.tools.pictures.acts import Acts
 from companion.tools.pictures.believed import Believed
 from companion.tools.pictures.camera import Camera
 from companion.tools.pictures.imagined import Imagined
-from companion.tools.pictures.lanes import ActLanes
 from companion.tools.pictures.plan import Plan
+from companion.tools.pictures.robot import Velma
 from companion.tools.pictures.scene import Contacts, Scene
-from companion.tools.pictures.signals import Signals
-from companion.tools.pictures.velma import Velma
-from operate.pictures.sheet import Sheet
-from operate.pictures.stage import Drawer
+from companion.wording import spaced
+from fipa_codec.performatives import Performative
+from operate.pictures.happenings import Happening
+from operate.pictures.sheet import Sheet, scalars
+from operate.pictures.stage import REST, Drawer, Lane
+from operate.recording.records import Spoken
+from velma.names import ARM, BODY, TORSO
+
+# --- The robot in numbers: joint positions, torques, wrenches at the wrists, how late the loop is --------------------
+
+
+ARMS = ("right", "left")
+WRENCH = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
+QUANTILES = ("p50", "p99", "p99.9", "max")
+
+
+class Signals:
+    """Draws numbers of telemetry and truth."""
+
+    def __init__(self, sheet: Sheet) -> None:
+        self._sheet = sheet
+        self._named: set[str] = set()
+
+    def take(self, happening: Happening) -> None:
+        """Draw them."""
+        match happening.what:
+            case RobotState() as state:
+                self._joints(happening.at, "position", state.body, state.sim_time_s)
+                self._draw(happening.at, "signals/position/head", ("pan", "tilt"), state.head, state.sim_time_s)
+                self._draw(happening.at, "loop/late", QUANTILES, _numbers(state.lateness_us), state.sim_time_s)
+                self._draw(happening.at, "loop/computes", QUANTILES, _numbers(state.compute_us), state.sim_time_s)
+                self._draw(happening.at, "loop/missed", ("missed cycles",), (state.missed,), state.sim_time_s)
+            case TrueState() as truth:
+                if len(truth.torque_Nm) == len(BODY):
+                    self._joints(happening.at, "torque", truth.torque_Nm, truth.time_s)
+                for side, wrench in truth.wrench.items():
+                    self._draw(happening.at, f"signals/wrench/{side}", WRENCH, wrench, truth.time_s)
+
+    def _joints(self, at: float, kind: str, body: Sequence[float], sim: float) -> None:
+        """Torso and arms; `body` in the order of velma.names.BODY."""
+        self._draw(at, f"signals/{kind}/torso", ("torso",), (body[TORSO],), sim)
+        for side in ARMS:
+            values = [body[column] for column in ARM[side]]
+            self._draw(at, f"signals/{kind}/{side}", tuple(f"{side} {k}" for k in range(len(values))), values, sim)
+
+    def _draw(self, at: float, entity: str, names: Sequence[str], values: Sequence[float], sim: float) -> None:
+        if entity not in self._named:
+            self._named.add(entity)
+            self._sheet.static(entity, rr.SeriesLines(names=list(names), widths=[1.2] * len(names)))
+        self._sheet.add(entity, scalars, at, tuple(values), sim)
+
+
+def _numbers(one: Lateness) -> tuple[float, ...]:
+    return one.p50, one.p99, one.p999, one.max
+
+
+# --- Lanes of states of this robot beside those of any system: the plan's step, ex's act, the loop's mode ------------
+
+
+PLAN, ACT, LOOP = "agents/ta/plan", "agents/ex/act", "agents/ex/loop"
+
+
+class ActLanes:
+    """Draws each change."""
+
+    def __init__(self, sheet: Sheet) -> None:
+        self._plan, self._acts, self._loop = (Lane(sheet, place) for place in (PLAN, ACT, LOOP))
+        self._act = ""
+
+    def take(self, happening: Happening) -> None:
+        """Draw what changed."""
+        at = happening.at
+        match happening.what:
+            case RobotState() as robot:
+                self._loop.enter(at, robot.mode or REST)
+            case Spoken(content=sw.Report() as report):
+                step = worded(report.at.step, Reader.OPERATOR) if report.at and report.at.step else self._plan.now
+                self._plan.enter(at, REST if report.state in sw.FINAL else step or REST)
+            case Spoken(channel="C5") as one:
+                self._acting(at, one)
+
+    def _acting(self, at: float, one: Spoken) -> None:
+        """ex's lane: from agree, when the robot begins to move, to the end of the act."""
+        if isinstance(one.content, rc.Command):
+            self._act = spaced(type(one.content).__name__)
+        elif isinstance(one.content, rc.Accepted) or one.performative == Performative.AGREE:
+            self._acts.enter(at, self._act or REST)
+        elif isinstance(one.content, rc.Done | rc.NotDone):
+            self._acts.enter(at, REST)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def drawers(sheet: Sheet) -> tuple[Drawer, ...]:

@@ -11,9 +11,9 @@ import numpy as np
 from companion.languages import hfsm, rc, sw
 from companion.languages.values import Pose
 from companion.telemetry import RobotState
-from companion.tools.pictures import robot, things
+from companion.tools.pictures import robot, scene
+from companion.tools.pictures.robot import entity, placed, shaped
 from companion.tools.pictures.scene import Scene
-from companion.tools.pictures.velma import entity, placed, shaped
 from operate.pictures.colours import PLANNED
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import HIDDEN, Sheet, transforms
@@ -92,7 +92,7 @@ class Imagined:
 
     def _things(self, end: End) -> dict[str, Place]:
         for name in end.places:
-            for part, drawn in things.looks(self._scene.models.get(name, ""), PALE):
+            for part, drawn in scene.looks(self._scene.models.get(name, ""), PALE):
                 self._sheet.static(f"{THINGS}/{name}/{part}", drawn)
         return {f"{THINGS}/{name}": (pose.xyz, pose.quat_wxyz) for name, pose in end.places.items()}
 

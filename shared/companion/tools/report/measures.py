@@ -1,13 +1,16 @@
 """Measures of pours, with the paper's figures beside (operate.experiments.measures)."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+
+import msgspec
+import numpy as np
 
 from companion.design import DESIGN
 from companion.sentences import happened
-from companion.tools.report import planning_runs
 from companion.tools.report.paper import PAPER, TABLE_8
-from companion.tools.report.plan_figures import PourFigures, peak_kbit_s, quantities
 from companion.tools.report.tables import of_history
+from operate.experiments import intervals
+from operate.experiments.exchanges import Said
 from operate.experiments.measures import (
     LARGEST,
     SMALL,
@@ -17,9 +20,134 @@ from operate.experiments.measures import (
     Quantity,
     Row,
     Runs,
+    Value,
     channel_size,
 )
+from operate.experiments.page import BINS, SHADE
+from operate.experiments.run_figures import Figures
 from operate.experiments.summary import row_of
+from operate.reports.figures import ACCENT, FAINT, INK, drawing
+
+# --- Figures of a pour that its report.json has beyond the traffic, and how plans were made. Pure --------------------
+
+
+class Plan(msgspec.Struct, frozen=True):
+    """The making of a plan (companion.tools.report.report.Plan)."""
+
+    number: int
+    t: float = 0.0
+    wall_s: float | None = None
+    queries: int | None = None
+    communicates: int | None = None
+    bytes: int | None = None
+    km_s: float | None = None
+
+
+class PourFigures(Figures, frozen=True):
+    """The fields that are used of a pour's report.json, which has more."""
+
+    poured_fraction: float | None = None
+    sim_time_s: float | None = None
+    wall_time_s: float | None = None
+    energy_J: float | None = None
+    plans: tuple[Plan, ...] = ()
+
+    def plan(self, number: int) -> Plan | None:
+        """Return the plan of this number."""
+        return next((plan for plan in self.plans if plan.number == number), None)
+
+
+def quantities(number: int) -> tuple[Quantity, ...]:
+    """Return what is measured of the making of a plan."""
+    name = f"plan {number}"
+    return (
+        Quantity(f"{name}: time", "latency", "s", _plan(number, lambda p: p.wall_s)),
+        Quantity(f"{name}: waiting for km", "latency", "s", _plan(number, lambda p: p.km_s), judged=False, digits=2),
+        Quantity(f"{name}: communicates of C4", "traffic", "", _plan(number, lambda p: p.communicates)),
+        Quantity(f"{name}: mean bandwidth of C4", "traffic", "kbit/s", _plan(number, _rate), judged=False),
+    )
+
+
+def peak_kbit_s(said: Sequence[Said], plan: Plan, step_s: float) -> float | None:
+    """Return the peak bandwidth of C4 while a plan is made, in steps of `step_s`; None where it was not made."""
+    if plan.wall_s is None:
+        return None
+    bits = kbit_s(plan, said, step_s, int(np.ceil(plan.wall_s / step_s)) or 1)
+    return float(bits.max())
+
+
+def kbit_s(plan: Plan, said: Sequence[Said], step: float, bins: int) -> np.ndarray:
+    """Return the bandwidth of C4 in each step [kbit/s], (bins,); 0 after the plan is there."""
+    some = [one for one in said if one.channel == "C4" and plan.t <= one.t <= plan.t + (plan.wall_s or 0.0)]
+    at, weights = [one.t - plan.t for one in some], [8.0 * one.size / 1000 for one in some]
+    counted, _ = np.histogram(at, bins=bins, range=(0.0, bins * step), weights=weights)
+    return np.asarray(counted / step)
+
+
+def _plan(number: int, read: Callable[[Plan], Value]) -> Callable[[PourFigures], Value]:
+    def of(figures: PourFigures) -> Value:
+        plan = figures.plan(number)
+        return None if plan is None else read(plan)
+
+    return of
+
+
+def _rate(plan: Plan) -> Value:
+    """Mean bandwidth of C4 while the plan is made [kbit/s]."""
+    return 8 * plan.bytes / plan.wall_s / 1000 if plan.bytes is not None and plan.wall_s else None
+
+
+# --- Figure 13 of the paper over many runs: bandwidth of C4 while a plan is made, means with 95 % intervals. SVG -----
+
+
+def planning(runs: Runs, number: int) -> str:
+    """Return Figure 13: bandwidth of C4 while plan `number` is made, from the request on; "" where no run made it."""
+    some = _made(runs, number)
+    longest = max((plan.wall_s or 0.0 for plan, _ in some), default=0.0)
+    if not longest:
+        return ""
+    step = longest / BINS
+    bits = np.array([kbit_s(plan, said, step, BINS) for plan, said in some])
+    middle, half = intervals.band(bits)
+    edges = np.arange(BINS + 1) * step
+    with drawing(f"all-plan{number}", 2.7, f"Bandwidth of C4 while plan {number} is made, all runs") as (axes, svg):
+        low, high = np.maximum(middle - half, 0.0), middle + half
+        axes.fill_between(edges, _stair(low), _stair(high), step="post", color=ACCENT, alpha=SHADE, linewidth=0)
+        axes.stairs(middle, edges, color=ACCENT, linewidth=1.5)
+        times = [plan.wall_s or 0.0 for plan, _ in some]
+        axes.plot(times, [0.0] * len(times), "|", color=INK, markersize=9, clip_on=False, zorder=5)
+        axes.set_title(_words(number, step, len(some)), loc="left", fontsize=9, color=FAINT)
+        axes.set_xlabel(f"time after the request for plan {number} [s]    |: a run's plan is there")
+        axes.set_ylabel("kbit/s")
+        axes.set_xlim(0, longest)
+        axes.set_ylim(bottom=0)
+    return svg[0]
+
+
+def _made(runs: Runs, number: int) -> list[tuple[Plan, tuple[Said, ...]]]:
+    found = []
+    for one in runs.results:
+        plan = one.figures.plan(number) if one.success and one.figures else None
+        if plan is not None and plan.wall_s and one.seed in runs.said:
+            found.append((plan, runs.said[one.seed]))
+    return found
+
+
+def _stair(values: np.ndarray) -> np.ndarray:
+    return np.append(values, values[-1])
+
+
+def _words(number: int, step: float, runs: int) -> str:
+    theirs = PAPER.made(number)
+    text = f"plan {number}, mean over {runs} run{'s' * (runs != 1)} in steps of {step:.2g} s"
+    if theirs is None or theirs.mean_kbit_s is None or theirs.peak_kbit_s is None:
+        return text
+    paper = f"mean {theirs.mean_kbit_s:.0f}, peak {theirs.peak_kbit_s:.0f} kbit/s"
+    return f"{text}   (paper, one run of {theirs.wall_s:.0f} s: {paper})"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 PLANS, IN_BOWL = (1, 2), "in the bowl"
 PEAK_STEP_S = 1.0
@@ -98,7 +226,7 @@ MEASURES = Measures(
             "How much while planning",
             "Figure 13 of the paper: bandwidth of C4 from the request for a plan on, mean over runs with 95 % "
             "interval; a run whose plan is there counts as zero from then on.",
-            lambda runs: [planning_runs.planning(runs, number) for number in PLANS],
+            lambda runs: [planning(runs, number) for number in PLANS],
         ),
     ),
     tables=of_history,

@@ -1,14 +1,18 @@
 """Checks of `roco doctor` for this robot: libraries, whether real time can be held, a_hi."""
 
+import contextlib
+import subprocess
+import sys
 from collections.abc import Iterator
 from functools import partial
+from pathlib import Path
+
+import msgspec
 
 from companion.run_files import SLOTS_FILE
-from companion.tools.verbs import pace
 from companion.tools.verbs.hi import HI, tasks
-from companion.tools.verbs.real_robot import LOOP
 from operate.cli.errors import ConsoleError
-from operate.cli.fleet import checkup_machine, running_fleets
+from operate.cli.fleet import checkup, running_fleets
 from operate.cli.fleet.checkup import Check, Checks, Level
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, WEB
@@ -18,9 +22,64 @@ from velma import compiled
 from velma.errors import GlError
 from velma.sim import gl
 
-NEEDED = (*checkup_machine.NEEDED, "knowledge", "planner", "executor")
+# --- Whether this machine holds the control loop's 500 Hz with what runs now -----------------------------------------
+# Measured in a process of its own: a second of the loop, or some seconds of one that runs.
+
+
+LOOP = "services.executor.loop.timing"
+WITHIN_S = 30.0  # estimate: it takes 3 s at a load of 5 on two cores
+
+
+class Pace(msgspec.Struct, frozen=True):
+    """Periods of the loop, those in which a cycle was late or left out, and whether that is real time.
+
+    `realtime`: the loop has the kernel's real-time priority.
+    """
+
+    periods: int
+    late: int
+    held: bool
+    realtime: bool = True
+
+    @property
+    def words(self) -> str:
+        """For a person, without a full stop."""
+        return f"{100 * self.late / max(1, self.periods):.0f} % of the control loop's cycles are late here now"
+
+
+def measure(slots: Path | None = None) -> Pace | None:
+    """Return the pace now: of a loop that runs, by its slot file, or else of one that is tried out.
+
+    None where it cannot be measured: the executor's libraries are not installed, or the loop keeps no real time.
+    """
+    command = [sys.executable, "-P", "-m", LOOP, *([str(slots)] if slots else [])]
+    with contextlib.suppress(OSError, subprocess.SubprocessError, msgspec.DecodeError):
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=WITHIN_S, check=True)
+        found = msgspec.json.decode(done.stdout, type=Pace)
+        return found if found.periods else None
+    return None
+
+
+# --- Whether a real robot stands behind the executor: then `roco fault` leaves the fleet alone -----------------------
+
+
+LOOP_PROCESS, BACKEND = "loop", "ROCO_BACKEND"
+HARMLESS = ("", "mujoco", "mock")
+"""Back-ends that move nothing; "" is mujoco (services.executor.loop)."""
+
+
+def untouchable(fleet: Target) -> str:
+    """Return why no fault may be done to this fleet; "" where its robot is a simulated one."""
+    backend = fleet.variable(LOOP_PROCESS, BACKEND)
+    return "" if backend in HARMLESS else f"the back-end {backend} may move a real robot"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+NEEDED = (*checkup.NEEDED, "knowledge", "planner", "executor")
 """The extras that the whole fleet on one machine needs."""
-IMPORTS = (*checkup_machine.IMPORTS, "pinocchio", "coal", "ompl", "mujoco", "cv2")
+IMPORTS = (*checkup.IMPORTS, "pinocchio", "coal", "ompl", "mujoco", "cv2")
 """Libraries with parts that are not Python: installed is not yet loadable."""
 MEMORY = 1 << 30
 """Bytes that the fleet uses: 975 MiB resident before its first task (measured 2026-11-21)."""
@@ -43,17 +102,17 @@ def real_time() -> Iterator[Check]:
     Tried out only where no fleet runs here: its own loop would be in the way, and is looked at instead.
     """
     if not running_fleets.here():
-        yield from _paced(pace.measure(), "end other programs, or start with `--speed max`, which needs no real time")
+        yield from _paced(measure(), "end other programs, or start with `--speed max`, which needs no real time")
 
 
 def loop(fleet: Target, now: Look) -> Iterator[Check]:
     """Whether the loop of a fleet on this machine holds 500 Hz; nothing of one at `--speed max`."""
-    if isinstance(fleet, Local) and any(one.name == LOOP and one.status.pid for one in now.seen):
+    if isinstance(fleet, Local) and any(one.name == LOOP_PROCESS and one.status.pid for one in now.seen):
         remedy = "end other programs, or `roco down` and `roco up --speed max`, which needs no real time"
-        yield from _paced(pace.measure(fleet.run / SLOTS_FILE), remedy)
+        yield from _paced(measure(fleet.run / SLOTS_FILE), remedy)
 
 
-def _paced(measured: pace.Pace | None, remedy: str) -> Iterator[Check]:
+def _paced(measured: Pace | None, remedy: str) -> Iterator[Check]:
     """Yield the checks of the measured pace and of the loop's real-time priority; nothing without a measurement."""
     if measured is None:
         return
@@ -86,10 +145,10 @@ def library() -> Iterator[Check]:
 
 CHECKS = Checks(
     machine={
-        "libraries": partial(checkup_machine.libraries, NEEDED),
-        "imports": partial(checkup_machine.imports, IMPORTS),
-        "ports": partial(checkup_machine.loopback, (GRPC, WEB, "ROCO_HTTP", "ROCO_PAGE")),
-        "memory": partial(checkup_machine.memory, MEMORY),
+        "libraries": partial(checkup.libraries, NEEDED),
+        "imports": partial(checkup.imports, IMPORTS),
+        "ports": partial(checkup.loopback, (GRPC, WEB, "ROCO_HTTP", "ROCO_PAGE")),
+        "memory": partial(checkup.memory, MEMORY),
         "OpenGL": opengl,
         "compiled": library,
         "real time": real_time,

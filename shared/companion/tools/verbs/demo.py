@@ -11,7 +11,7 @@ import typer
 
 from companion.eyes import VARIABLE, Eyes
 from companion.eyes import eyes as named
-from companion.tools.verbs import main_job, pace
+from companion.tools.verbs import checkup, main_job
 from companion.tools.verbs.page import door_when_there
 from operate.cli import interrupts
 from operate.cli.errors import UsageError
@@ -111,7 +111,7 @@ def _page(run: Path, console: Console, form: Format, *, opened: bool) -> None:
 def _held(console: Console, form: Format) -> Speed:
     """The speed that this machine holds now; where that is not real time, it is said in a line."""
     with waiting("a second of the control loop is timed", form):
-        measured = pace.measure()
+        measured = checkup.measure()
     if measured is None or measured.held:
         return Speed.REAL
     words = f"{measured.words}: --speed max is taken, --speed 1 insists on real time"

@@ -18,7 +18,8 @@ from companion.eyes import VARIABLE as EYES
 from companion.eyes import Eyes
 from companion.languages import values
 from companion.run_files import DISTURBANCES_FILE
-from companion.tools.verbs.real_robot import BACKEND, LOOP
+from companion.tools.verbs.checkup import BACKEND
+from companion.tools.verbs.checkup import LOOP_PROCESS as LOOP
 from operate.cli import interrupts
 from operate.cli.completion import among
 from operate.cli.errors import ConsoleError, FleetError, UsageError

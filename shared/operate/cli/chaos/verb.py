@@ -4,15 +4,18 @@ import contextlib
 import os
 import shutil
 import time
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
 import typer
+from rich.table import Table
+from rich.text import Text
 
 from operate.cli import completion, interrupts
-from operate.cli.chaos import cells, table
+from operate.cli.chaos import trial
 from operate.cli.chaos.trial import Result, done
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.faults.kinds import VERBS
@@ -24,6 +27,73 @@ from operate.cli.runs.experiment import span
 from operate.cli.seeds import FirstSeed
 from operate.cli.terminal.console import Console
 from operate.system import here
+
+# --- Findings of chaos as tables: one per kind of fault, a row per process, a column per phase, seeds in the cells
+
+
+DONE, EXPLAINED, BROKEN, NOTHING = "green", "yellow", "bold red", "dim"
+LEGEND = (
+    (DONE, "done"),
+    (EXPLAINED, "not done, the reason said"),
+    (BROKEN, "broken, stuck or left over"),
+    (NOTHING, "the fault did not begin"),
+)
+
+
+def colour(one: Result) -> str:
+    """Return how a run is shown."""
+    if not one.held:
+        return BROKEN
+    return NOTHING if not one.began else DONE if one.success else EXPLAINED
+
+
+def legend() -> Text:
+    """Return what the colours of seeds mean."""
+    return Text("  ").join([Text("seed", style="dim"), *(Text(words, style=style) for style, words in LEGEND)])
+
+
+def tables(results: Sequence[Result]) -> Iterator[Table]:
+    """Yield a table for each kind of fault that was done."""
+    for kind in dict.fromkeys(one.cell.kind for one in results):
+        own = [one for one in results if one.cell.kind == kind]
+        columns = list(dict.fromkeys(one.cell.phase for one in own))
+        drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+        for name in (kind, *columns):
+            drawn.add_column(name, overflow="fold")
+        for target in dict.fromkeys(one.cell.target for one in own):
+            drawn.add_row(target, *(_seeds(own, target, phase) for phase in columns))
+        yield drawn
+
+
+def lines(results: Sequence[Result]) -> Iterator[str]:
+    """Yield what was not done and what is broken, a line for each."""
+    for one in results:
+        for why in (*one.broken, *(f"left over: {orphan}" for orphan in one.orphans)):
+            yield f"seed {one.cell.seed}, {one.cell.words}: {why}"
+        if one.stuck:
+            yield f"seed {one.cell.seed}, {one.cell.words}: stuck, ended after {one.wall_s:.0f} s"
+        elif not one.success:
+            yield f"seed {one.cell.seed}, {one.cell.words}: not done: {one.why or 'without a reason'}"
+
+
+def summary(results: Sequence[Result]) -> str:
+    """Return the counts of all runs in a line."""
+    begun = [one for one in results if one.began]
+    done, held = sum(one.success for one in begun), sum(one.held for one in results)
+    stuck, left = sum(one.stuck for one in results), sum(len(one.orphans) for one in results)
+    return (
+        f"{len(results)} runs, {len(begun)} with a fault: {done} of {len(begun)} done, {held} of {len(results)} held;"
+        f" {stuck} stuck, {left} processes left over"
+    )
+
+
+def _seeds(results: Sequence[Result], target: str, phase: str) -> Text:
+    found = [one for one in results if (one.cell.target, one.cell.phase) == (target, phase)]
+    return Text(" ").join(Text(str(one.cell.seed), style=colour(one)) for one in found)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 RESULTS_FILE = "chaos.jsonl"
 
@@ -63,10 +133,10 @@ def chaos(
             raise UsageError("--resume needs what to go on with; name its folder with --out")
         system = here()
         kinds, targets = _names(kind), _names(on)
-        cells.check(kinds, targets, system)
+        trial.check(kinds, targets, system)
         running_fleets.refuse("chaos needs the machine for itself")
         place = (out or running_fleets.EXPERIMENTS / f"chaos-{datetime.now():%Y-%m-%d_%H-%M-%S}").resolve()
-        chosen = [cells.choose(system, one, kinds or _possible(), targets) for one in range(seed, seed + runs)]
+        chosen = [trial.choose(system, one, kinds or _possible(), targets) for one in range(seed, seed + runs)]
         asked = trials.Asked(runs, seed, speed.value, None, system.job.timeout_s, 0.0)
         setting, _ = trials.begun(place, trials.here("chaos", (*system.job.command, "--faults"), asked), resume)
         results = _all(place, setting, chosen, budget, form, keep=keep)
@@ -87,7 +157,7 @@ def _possible() -> tuple[str, ...]:
 
 
 def _all(
-    place: Path, setting: trials.Setting, chosen: list[cells.Cell], budget_min: float, form: Format, *, keep: bool
+    place: Path, setting: trials.Setting, chosen: list[trial.Cell], budget_min: float, form: Format, *, keep: bool
 ) -> list[Result]:
     """Do the runs that are not done yet, a line for each; the results of all, in the order of their seeds."""
     known = {one.cell: one for one in results_in(place)}
@@ -137,16 +207,16 @@ def _line(number: int, of: int, result: Result, form: Format) -> None:
     broken = f"; BROKEN: {'; '.join(result.broken)}" if result.broken else ""
     lost = f"; {len(result.orphans)} processes left over" if result.orphans else ""
     words = f"run {number} of {of}, seed {result.cell.seed}: {result.cell.words}{begun}: {said}{broken}{lost}"
-    Console().print(f"{words}, {span(result.wall_s)}", style=table.colour(result), highlight=False)
+    Console().print(f"{words}, {span(result.wall_s)}", style=colour(result), highlight=False)
 
 
 def _tell(place: Path, results: list[Result], form: Format) -> None:
     if form is Format.JSON:
         return
     console = Console()
-    for drawn in table.tables(results):
+    for drawn in tables(results):
         console.print(drawn)
-    console.print(table.legend())
-    for line in table.lines(results):
+    console.print(legend())
+    for line in lines(results):
         console.print(line, highlight=False)
-    console.print(f"{table.summary(results)}; {place / RESULTS_FILE}", highlight=False)
+    console.print(f"{summary(results)}; {place / RESULTS_FILE}", highlight=False)

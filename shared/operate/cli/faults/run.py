@@ -1,23 +1,141 @@
 """`roco fault run FILE --seed N`: a scenario, each fault of it a `roco fault` of its own, so that each heals itself."""
 
 import contextlib
+import math
+import random
 import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 
 from operate.cli import interrupts
-from operate.cli.errors import FleetError
-from operate.cli.faults import inflict, moments, scenario
+from operate.cli.errors import FleetError, UsageError
+from operate.cli.faults import inflict, moments
+from operate.cli.faults.kinds import AMOUNTS, KINDS, UNTIMED, VERBS
 from operate.cli.faults.verbs import heal_left
 from operate.cli.fleet import targets
 from operate.cli.fleet.agent import named
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems
+
+# --- A scenario: faults in a TOML file, of which a seed chooses what the file leaves open. Pure but for `load` -------
+# [[fault]]
+# kind = "delay"            # a verb of `roco fault`
+# target = ["mule", "ox"]   # one of them
+# at = [0.0, 5.0]           # some time between; or as --at has it
+# for = 2.0                 # a number, or [least, most], as amount
+# amount = [0.05, 0.2]
+
+
+SIGNED = tuple(name for name, kind in KINDS.items() if kind.amount is not None and kind.amount.tried[0] < 0)
+"""Kinds whose amount may be below 0."""
+Span = float | tuple[float, float]
+
+
+class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename={"for_": "for"}):
+    """One [[fault]] as it is written."""
+
+    kind: str
+    target: str | tuple[str, ...]
+    at: str | Span = ""
+    for_: Span | None = None
+    amount: Span | None = None
+    within: float | None = None
+
+
+class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A file. `text`: what it is for, in words."""
+
+    fault: tuple[Entry, ...]
+    text: str = ""
+
+
+class Chosen(msgspec.Struct, frozen=True):
+    """A fault with nothing left open. `at`: as --at has it, or seconds after the scenario's begin; None: not given."""
+
+    kind: str
+    target: str
+    at: str | float
+    for_: float | None
+    amount: float | None
+    within: float | None
+
+
+def load(file: Path) -> Scenario:
+    """Read a scenario. Raise UsageError with the file and the field that is wrong."""
+    try:
+        scenario = msgspec.convert(tomllib.loads(file.read_text(encoding="utf-8-sig")), Scenario)
+    except (OSError, ValueError, RecursionError) as error:  # the last two from tomllib; msgspec's is a ValueError
+        raise UsageError(f"{file}: {error}; docs/faults.md shows a scenario") from error
+    if not scenario.fault:
+        raise UsageError(f"{file}: it has no [[fault]]; docs/faults.md shows one")
+    for number, entry in enumerate(scenario.fault, 1):
+        if why := _wrong(entry):
+            raise UsageError(f"{file}: fault {number}: {why}")
+    return scenario
+
+
+def _wrong(entry: Entry) -> str:
+    """Return what is wrong with an entry; "" where nothing is."""
+    if entry.kind not in VERBS:
+        return f"there is no kind {entry.kind!r}; there are {', '.join(VERBS)}"
+    if not entry.target:
+        return "target names no process"
+    if entry.amount is None and entry.kind in AMOUNTS:
+        return f"{entry.kind} needs an amount"
+    if entry.amount is not None and KINDS[entry.kind].amount is None:
+        return f"{entry.kind} has no amount"
+    if entry.for_ is not None and entry.kind in UNTIMED:
+        return f"{entry.kind} has no `for`: it is over when the process is back"
+    spans = {"at": entry.at, "for": entry.for_, "amount": entry.amount, "within": entry.within}
+    for name, span in spans.items():
+        least = -math.inf if entry.kind in SIGNED and name == "amount" else 0.0
+        if isinstance(span, tuple) and not least <= span[0] <= span[1] < math.inf:
+            return f"{name} = [{span[0]:g}, {span[1]:g}] is no span: give [least, most], neither below {least:g}"
+        if isinstance(span, float) and not least <= span < math.inf:
+            return f"{name} = {span:g} is below 0 or no number"
+    return ""
+
+
+def choose(scenario: Scenario, seed: int) -> tuple[Chosen, ...]:
+    """Return the faults of a scenario, the same for the same seed."""
+    chance = random.Random(seed)
+    return tuple(
+        Chosen(
+            entry.kind,
+            entry.target if isinstance(entry.target, str) else chance.choice(entry.target),
+            entry.at if isinstance(entry.at, str) else _within(entry.at, chance),
+            None if entry.for_ is None else _within(entry.for_, chance),
+            None if entry.amount is None else _within(entry.amount, chance),
+            entry.within,
+        )
+        for entry in scenario.fault
+    )
+
+
+def _within(span: Span, chance: random.Random) -> float:
+    return span if isinstance(span, int | float) else round(chance.uniform(*span), 3)
+
+
+def words(one: Chosen, began: float) -> list[str]:
+    """Return a fault as words of `roco fault`; `began`: of the scenario [unix s]."""
+    at = one.at if isinstance(one.at, str) else f"@{began + one.at:.3f}"
+    how_much = KINDS[one.kind].amount
+    option = how_much.option if how_much is not None else ""
+    amount = [] if one.amount is None or option else [f"{one.amount:g}"]
+    options = {option: one.amount if option else None, "--at": at, "--for": one.for_, "--within": one.within}
+    given = [word for name, value in options.items() if value not in ("", None) for word in (name, str(value))]
+    return [one.kind, one.target, *amount, *given]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 HEAL_S = 100.0
 """Time to wait for the end of an interrupted fault [s]: a process may take 90 s to come back."""
@@ -41,7 +159,7 @@ def run(
     with problems(form), interrupts.heard():
         fleet = targets.find(target, run_dir)
         inflict.refuse(fleet)
-        chosen = scenario.choose(scenario.load(file), seed)
+        chosen = choose(load(file), seed)
         _look(fleet, chosen)
         place = [*(["--target", target] if target else []), *(["--run-dir", str(run_dir)] if run_dir else [])]
         heal_left(fleet, form)
@@ -50,7 +168,7 @@ def run(
             raise FleetError(f"{failed} of {len(codes)} faults did not go as they should; `roco fault list` has them")
 
 
-def _look(fleet: Target, chosen: tuple[scenario.Chosen, ...]) -> None:
+def _look(fleet: Target, chosen: tuple[Chosen, ...]) -> None:
     """Raise UsageError before anything is done: a process or a moment that is not there."""
     for one in chosen:
         named(fleet, inflict.ends(fleet, one.target)[0])
@@ -58,9 +176,9 @@ def _look(fleet: Target, chosen: tuple[scenario.Chosen, ...]) -> None:
             moments.parse(one.at, fleet.system.design, one.target)
 
 
-def _words(chosen: tuple[scenario.Chosen, ...]) -> list[list[str]]:
+def _words(chosen: tuple[Chosen, ...]) -> list[list[str]]:
     began = time.time()
-    return [scenario.words(one, began) for one in chosen]
+    return [words(one, began) for one in chosen]
 
 
 def _done(calls: list[list[str]]) -> list[int]:

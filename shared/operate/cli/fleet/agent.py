@@ -8,15 +8,62 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from agent_runtime.core.errors import JournalError
+from agent_runtime.core.inside import Did, Inside, Talk, Waits
+from agent_runtime.io.journal import journal_file
+from agent_runtime.io.repair import Repaired
+from agent_runtime.io.repair import repair as repaired
 from operate.cli.errors import FleetError, UsageError
-from operate.cli.fleet import living_names, looked_into, targets
+from operate.cli.fleet import living_names, targets
 from operate.cli.fleet.agents import measured
 from operate.cli.fleet.process_status import Beat, Row, Seen
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
+from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.run_folder import ProcessState
 from topdown.model.parameters import worded
+
+# --- An agent's memory for people: inbox, open conversations, last steps ---------------------------------------------
+
+
+def show_inside(inside: Inside, console: Console) -> None:
+    """A table for each of them; none for what is empty."""
+    _table(console, f"inbox, {inside.waiting} waiting", [_waiting(one) for one in inside.inbox])
+    _table(console, f"conversations, {inside.open} open", [_talk(one) for one in inside.talks])
+    _table(console, "last steps", [_step(one) for one in inside.steps])
+
+
+def _table(console: Console, title: str, rows: list[tuple[str, ...]]) -> None:
+    if not rows:
+        return
+    console.print(title, style="dim", highlight=False)
+    drawn = Table.grid(padding=(0, 2, 0, 0))
+    for row in rows:
+        drawn.add_row("", *row)
+    console.print(drawn, highlight=False)
+
+
+def _waiting(one: Waits) -> tuple[str, ...]:
+    return (one.what, f"of {one.peer}" if one.peer else "", one.protocol)
+
+
+def _talk(one: Talk) -> tuple[str, ...]:
+    by = "" if one.reply_by is None else f"until {_clock(one.reply_by)}"
+    return (one.id, f"{one.protocol} as {one.role}", f"with {one.peer}", one.state, by)
+
+
+def _step(one: Did) -> tuple[str, ...]:
+    states = one.before if one.before == one.after else f"{one.before} > {one.after}"
+    return (_clock(one.at), one.event, f"says {', '.join(one.said)}" if one.said else "", states)
+
+
+def _clock(at: float) -> str:
+    return time.strftime("%H:%M:%S", time.localtime(at)) + f".{int(at % 1 * 1000):03d}"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 Process = Annotated[str, typer.Argument(metavar="NAME", help="A process.", autocompletion=living_names.processes)]
 PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
@@ -164,7 +211,7 @@ def show(told: Info, console: Console) -> None:
         console.print(row.trouble, style="red")
     console.print(grid)
     if beat.inside is not None:
-        looked_into.show(beat.inside, console)
+        show_inside(beat.inside, console)
     if told.log:
         console.print("last lines it wrote", style="dim")
     for line in told.log:
@@ -195,3 +242,40 @@ def facts(row: Row, beat: Beat, channels: dict[str, str]) -> dict[str, str]:
 
 def _by_peer(counts: dict[str, int]) -> str:
     return ", ".join(f"{count} to {peer}" for peer, count in counts.items() if count)
+
+
+# --- `roco agent repair NAME`: make the damaged journal of an agent usable again, while it does not run --------------
+
+
+Agent = Annotated[str, typer.Argument(metavar="AGENT", help="An agent.", autocompletion=living_names.processes)]
+
+
+def repair(agent: Agent, run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+    """Repair the damaged journal of an agent that does not run.
+
+    The newest record that is whole is kept, and the damaged file beside it. Where something came after that record,
+    peers may know of it: they begin again with this agent, and open conversations end.
+
+    Examples:
+      roco agent repair AGENT
+      roco agent repair AGENT --run-dir runs/latest
+    """
+    with problems(form):
+        file = journal_file(folders.find(run_dir), agent)
+        try:
+            done = repaired(file)
+        except JournalError as error:
+            raise FleetError(str(error)) from error
+        except OSError as error:
+            raise FleetError(f"journal {file} cannot be repaired: {error.strerror}; nothing was changed") from error
+        if form is Format.JSON:
+            tell_json(done)
+        else:
+            print(_words(agent, done))
+
+
+def _words(agent: str, done: Repaired) -> str:
+    if not done.kept:
+        return f"{agent}: the journal is whole; nothing to repair"
+    where = f" at byte {', '.join(map(str, done.damaged))}" if done.damaged else " at its end"
+    return f"{agent}: {done.path} was damaged{where}\nlost: {done.lost}\nkept as it was: {done.kept}"

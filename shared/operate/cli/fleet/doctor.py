@@ -10,9 +10,7 @@ from rich.text import Text
 
 from operate.cli.errors import NO, ConsoleError
 from operate.cli.fleet import targets
-from operate.cli.fleet.checkup import Check, Checks, Level
-from operate.cli.fleet.checkup_fleet import FLEET
-from operate.cli.fleet.checkup_machine import MACHINE
+from operate.cli.fleet.checkup import FLEET, MACHINE, Check, Checks, Level
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
 from operate.cli.terminal.console import Console

@@ -1,8 +1,12 @@
 """`roco top`: agents and channels, and task and plan where there are such, on one live screen, until q or Ctrl-C."""
 
+import select
+import sys
+import termios
 import time
+import tty
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import typer
@@ -23,10 +27,40 @@ from operate.cli.terminal import run_state
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.draw import events
 from operate.cli.terminal.graph import WINDOW_S, Edge, edges, sized
-from operate.cli.terminal.keyboard import Keyboard
 from operate.cli.terminal.run_state import Plan, View
 from operate.run_folder import LiveLine, Sent
 from operate.system import System
+
+# --- Single keys of a terminal, without Enter; a pipe has none -------------------------------------------------------
+
+
+class Keyboard:
+    """Keys come one by one as long as this lasts; afterwards the terminal is as it was."""
+
+    def __init__(self) -> None:
+        self._before: list[Any] | None = None
+
+    def __enter__(self) -> "Keyboard":
+        if sys.stdin.isatty():
+            self._before = termios.tcgetattr(sys.stdin)
+            tty.setcbreak(sys.stdin)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._before is not None:
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+
+    def pressed(self, within_s: float) -> str:
+        """The next key, "" where none is pressed in time."""
+        if self._before is None:
+            time.sleep(within_s)
+            return ""
+        ready, _, _ = select.select([sys.stdin], [], [], within_s)
+        return sys.stdin.read(1) if ready else ""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 PERIOD_S = 1.0
 """Between two pictures: people look once a second."""

@@ -24,7 +24,7 @@ from operate.cli.traffic.filter_options import (
     wanted,
 )
 from operate.cli.traffic.listen import Source, about, said, source
-from operate.cli.traffic.tally import Tally
+from operate.cli.traffic.rate_tables import Tally
 from operate.filters import Filter
 
 PERIOD_S = 1.0

@@ -8,23 +8,229 @@ went by.
 import os
 import subprocess
 import sys
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
+from itertools import pairwise, product
 from pathlib import Path
+from typing import Any, cast
 
 import msgspec
 import typer
 from rich.table import Table
 
+from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.io.journal import records
-from agent_runtime.io.step_replay import Again, Parted, Word
+from agent_runtime.io.step_replay import Again, Parted, Put, Word, digest
+from agent_runtime.io.steplog import fingerprint
+from agent_runtime.io.tap import Sample
+from fipa_codec.communicate import UNREADABLE, Communicate, decode
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.evidence import Evidence
-from operate.cli.traffic.parting import Difference, Kept, first
-from operate.cli.traffic.script import short
+from operate.cli.traffic.listen import HOUSE, recorded, said
+from operate.cli.traffic.replace import difference, short
 from operate.run_folder import FLEET_FILE, STEPS, TRAFFIC_FILE, Fleet
 from operate.system import System, of_run
+
+# --- First difference in the output of an agent's step that is run again: the field, its old value, its new value
+# The log keeps a hash of a step's output. The journal has the records of the last life, the recording what was sent
+# and receipted: what of it gives that hash again is what the step put out. Pure.
+
+
+class Difference(msgspec.Struct, frozen=True):
+    """The first step of an agent whose output differs, and in what: a field, its recorded value, its value now.
+
+    `life`, `step`: which, by the agent's own count; `at`: when it was made [unix s]; `kind`: the event's class.
+    """
+
+    life: int
+    step: int
+    at: float
+    kind: str
+    field: str
+    recorded: Any
+    now: Any
+
+
+class Kept(msgspec.Struct, frozen=True):
+    """Stored evidence of an agent: its journal's records, and its communicates and receipts in the recording near the
+    step.
+    """
+
+    journal: Sequence[bytes] = ()
+    said: Sequence[Communicate] = ()
+    receipts: Sequence[Receipt] = ()
+
+
+def first(parted: Parted, kept: Kept) -> Difference:
+    """Name it. Where what was put out is kept nowhere (`tells`: to devices), `recorded` is the hash of the output."""
+    field, recorded, now = _named(parted, kept)
+    return Difference(parted.incarnation, parted.step, parted.at, parted.kind, field, recorded, now)
+
+
+def _named(parted: Parted, kept: Kept) -> tuple[str, Any, Any]:
+    put = parted.now
+    if put is None:
+        return "error", None, parted.error
+    found = difference(_value_told(parted.deed), _value_told(put.deed), "deed")
+    if found is not None:
+        return found
+    now = _effects(put)
+    for then in _possible(parted, now, kept):
+        if fingerprint(then) == parted.output:
+            return _between(then, now)
+    words = _worded_all(now.sends), _worded_all(next(_sent(parted.at, now.sends, kept.said)))
+    found = difference(words[1], words[0], "sends")
+    if found is not None:
+        return found
+    whole = kept.said and parted.before in kept.journal
+    field, value = ("tells", _value_told(now.tells)) if whole else ("output", _plain(now))
+    return field, f"hash {parted.output.hex()}", value
+
+
+def _effects(put: Put) -> Effects:
+    """Return the present output of a step, as it is hashed."""
+    tells = cast(tuple[Any, ...], msgspec.Raw(put.tells))
+    return Effects(put.record, put.receipts, tuple(map(decode, put.sends)), tells)
+
+
+def _possible(parted: Parted, now: Effects, kept: Kept) -> Iterator[Effects]:
+    """Yield the outputs that the step may have had, the likeliest first: each part as it is now, or as stored."""
+    records = (now.record, *_after(parted.before, kept.journal), None)
+    sends = (now.sends, *_sent(parted.at, now.sends, kept.said))
+    receipts = (now.receipts, *_receipted(now.receipts, kept.receipts))
+    for record, words, receipted, told in product(records, sends, receipts, (now.tells, ())):
+        yield Effects(record, receipted, words, told)
+
+
+def _after(before: bytes, journal: Sequence[bytes]) -> Iterable[bytes]:
+    """The record that follows the one that was written last before the step; all where that one is another now."""
+    return [later for one, later in pairwise(journal) if one == before][-1:] if before in journal else journal
+
+
+def _sent(at: float, now: tuple[Communicate, ...], said: Sequence[Communicate]) -> Iterator[tuple[Communicate, ...]]:
+    """The same communicates as they were heard, with and without those that only one side has."""
+    heard = {(one.receiver, one.id): one for one in said}
+    then = [heard.get((one.receiver, one.id)) for one in now]
+    mine = {(one.receiver, one.id) for one in now}
+    more = [one for name, one in heard.items() if one.sent == at and name not in mine]
+    both = tuple(one for one in then if one is not None)
+    yield tuple(was or one for was, one in zip(then, now, strict=True))
+    yield (*both, *more)
+    yield both
+
+
+def _receipted(now: tuple[Receipt, ...], then: Sequence[Receipt]) -> Iterator[tuple[Receipt, ...]]:
+    """No receipt, or another one to the same peer, or one where there is none now."""
+    yield ()
+    for one in then:
+        yield (*(other for other in now if other.peer != one.peer), one)
+
+
+def _between(then: Effects, now: Effects) -> tuple[str, Any, Any]:
+    """The first field in which two outputs differ."""
+    was, is_now = _plain(then), _plain(now)
+    found = difference(was, is_now)
+    return found or ("record", then.record, now.record)  # the same values in other bytes: another order
+
+
+def _plain(effects: Effects) -> dict[str, Any]:
+    return {
+        "record": None if effects.record is None else msgspec.msgpack.decode(effects.record),
+        "sends": _worded_all(effects.sends),
+        "receipts": _value_told(effects.receipts),
+        "tells": _value_told(effects.tells),
+    }
+
+
+def _value_told(value: Any) -> Any:
+    return msgspec.msgpack.decode(msgspec.msgpack.encode(value))
+
+
+def _worded_all(sends: Iterable[Communicate]) -> list[dict[str, Any]]:
+    return [_worded(one) for one in sends]
+
+
+def _worded(one: Communicate) -> dict[str, Any]:
+    told = {name: getattr(one, name) for name in one.__struct_fields__ if name != "content"}
+    return told if one.content is msgspec.UNSET else told | {"content": msgspec.msgpack.decode(one.content)}
+
+
+# --- Evidence from a recording about the agents of its run, for comparison with their output when they are run again
+# Of each communicate a digest is kept; the bytes are read a second time where a difference asks for them.
+
+
+SETTING, RECEIPT = "setting", "receipt"
+"""Kinds of signals: what the fleet was started with, and what an agent has received."""
+NEAR_S = 2.0
+"""Time after a step within which its receipts are heard [s]; estimate: it takes milliseconds."""
+
+
+class Setting(msgspec.Struct, frozen=True):
+    """Options with which the fleet was started."""
+
+    seed: int = 1
+    speed: str = "1"
+    scene: str = ""
+
+
+class Evidence:
+    """`setting`: of the fleet; `words`: agent -> (receiver, id) -> digests of all that went by under it.
+
+    Without a file there is nothing, and `there` is False.
+    """
+
+    def __init__(self, file: Path | None) -> None:
+        self._file, self.setting = file, Setting()
+        self.words: dict[str, dict[tuple[str, str], set[bytes]]] = defaultdict(lambda: defaultdict(set))
+        for sample in self._samples():
+            if kind_of(sample) == SETTING:
+                self.setting = _setting(sample.data)
+            one = _communicate(sample)
+            if one is not None:
+                self.words[one.sender][one.receiver, one.id].add(digest(sample.data))
+
+    @property
+    def there(self) -> bool:
+        """Whether there is a recording."""
+        return self._file is not None
+
+    def said(self, agent: str) -> list[Communicate]:
+        """Return what went by of an agent, in order, copies too."""
+        return [one for one in map(_communicate, self._samples()) if one is not None and one.sender == agent]
+
+    def receipts(self, agent: str, at: float) -> list[Receipt]:
+        """Return its receipts that were heard about then, in order."""
+        near = (sample for sample in self._samples() if abs(sample.at - at) < NEAR_S)
+        mine = (one for one in near if kind_of(one) == RECEIPT and one.key.split("/")[-2] == agent)
+        return [msgspec.msgpack.decode(one.data, type=Receipt) for one in mine]
+
+    def _samples(self) -> Iterator[Sample]:
+        if self._file is not None:
+            yield from (sample for sample in recorded(self._file, everything=True) if sample is not None)
+
+
+def kind_of(sample: Sample) -> str:
+    """Return the kind of a signal; "" of others."""
+    chunks = sample.key.split("/")
+    return chunks[3] if not sample.token and len(chunks) > 3 and chunks[2] == HOUSE else ""
+
+
+def _communicate(sample: Sample) -> Communicate | None:
+    one = said(sample)
+    return None if one is None else one.communicate()
+
+
+def _setting(data: bytes) -> Setting:
+    try:
+        return msgspec.json.decode(data, type=Setting)
+    except UNREADABLE:
+        return Setting()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 
 JOURNAL = "journal"
 RERUN_S = 600.0

@@ -20,9 +20,9 @@ from companion import models
 from companion.languages.evidence import AnyClaim, Sense
 from companion.languages.facts import Kind, fact
 from companion.skills import motions, own_paths
-from companion.skills.head_turning import AHEAD
 from companion.skills.looking_again import REST_S, missed
 from companion.skills.loop_messages import GripReport, Motion
+from companion.skills.motions import AHEAD
 from companion.skills.moving import joining, straight
 from companion.skills.senses import require
 from companion.skills.situation import Situation
