@@ -13,7 +13,7 @@ from companion.eyes import VARIABLE, eyes
 from companion.run_files import SLOTS_FILE
 from services.executor.behaviours import agent
 from services.executor.device import RobotDevice
-from services.executor.local import ByRays, Setup
+from services.executor.local import Setup
 from services.executor.loop_device import LoopDevice
 from services.executor.skill_device import SkillDevice
 from services.executor.telemetry import Pictures, Telemetry
@@ -24,17 +24,18 @@ def serve(options: Options) -> int:
     """Run until a signal; return the exit code. ROCO_SLOTS names the file between loop and agent (else: run folder),
     ROCO_EYES the eyes."""
     slots = Path(os.environ.get("ROCO_SLOTS") or options.run_dir / SLOTS_FILE)
+    asked = os.environ.get(VARIABLE, "")
     try:
-        seeing, why = eyes(os.environ.get(VARIABLE, ""), gl.lost)
+        # It takes half a second to find out whether something can be drawn. Where nobody asked for pixels by name, the
+        # first look finds out: without OpenGL it falls back to rays, as where OpenGL is lost later.
+        seeing, _ = eyes(asked, gl.lost if asked else lambda: "")
     except ValueError as error:
         sys.stderr.write(f"executor: {error}\n")
         return USAGE_ERROR
     setup = Setup(scene=str(options.scene or ""), seed=options.seed, eyes=seeing)
 
     def device(post: Post) -> RobotDevice:
-        if why:
-            post(ByRays(why))
-        pictures = Pictures(post, setup, blind=bool(why))
+        pictures = Pictures(post, setup)
         skills = SkillDevice(post, setup, pictures.renderer)
         return RobotDevice(skills, LoopDevice(post, slots), Telemetry(post, slots, pictures))
 

@@ -42,9 +42,8 @@ LATE_S, PAUSE_S = 60.0, 30.0
 class Pictures:
     """Publishes pictures as telemetry. Call `offer` and `close` from one thread at a time."""
 
-    def __init__(self, post: Post, setup: Setup, *, blind: bool = False) -> None:
-        """`blind`: nothing can be drawn here, so no process is started."""
-        self._post, self._blind = post, blind
+    def __init__(self, post: Post, setup: Setup) -> None:
+        self._post, self._blind = post, False
         self.renderer = Renderer(partial(scene_of, setup), self._made, self._ended)
         self._begin = 0.0  # no picture before
         self._asked = self._told = -AGAIN_S  # when, by the monotonic clock

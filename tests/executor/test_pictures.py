@@ -174,14 +174,6 @@ def test_without_opengl_no_child_is_started_again(eye: Pictures, capsys: pytest.
     assert "libEGL.so.1: file too short" in said
 
 
-def test_where_nothing_can_be_drawn_no_child_is_started(screen: Screen) -> None:
-    """ex knows it from its start."""
-    made = Pictures(screen, Setup(), blind=True)
-    assert not made.offer(0.0, WORLD, now=100.0)
-    assert not made.renderer.pid
-    made.close()
-
-
 def test_the_agent_does_not_load_the_simulator_for_it() -> None:
     """The module that the agent's process imports knows neither MuJoCo nor the camera."""
     assert not {"mujoco", "Camera", "compiled"} & set(vars(telemetry))
