@@ -26,14 +26,14 @@ VERBS: Table = {
             ".fleet.agent:start",
             "Start a process that was stopped or given up, and wait until it is ready.",
         ),
-        "agent repair": (".fleet.repair:repair", "Repair the damaged journal of an agent that does not run."),
+        "agent repair": (".fleet.agent:repair", "Repair the damaged journal of an agent that does not run."),
         "directory": (
             ".fleet.directory:directory",
             "Show who offers which protocol, ontology, language and query kinds, and who is up.",
         ),
-        "agent pause": (".fleet.orders:pause", "Let an agent take no step until it is resumed."),
-        "agent resume": (".fleet.orders:resume", "Let a paused agent go on with what waits."),
-        "agent log-level": (".fleet.orders:log_level", "Set what an agent's output shows while it runs."),
+        "agent pause": (".fleet.param:pause", "Let an agent take no step until it is resumed."),
+        "agent resume": (".fleet.param:resume", "Let a paused agent go on with what waits."),
+        "agent log-level": (".fleet.param:log_level", "Set what an agent's output shows while it runs."),
         "param": (GROUP, "Parameters of the agents, set while they run."),
         "param list": (".fleet.param:list_", "List the parameters of all agents or of one."),
         "param get": (".fleet.param:get", "Show the value of a parameter now."),
@@ -69,11 +69,11 @@ VERBS: Table = {
             "Record the traffic of a running fleet from now until Ctrl-C, as an MCAP file.",
         ),
         "record info": (
-            ".traffic.record_info:info",
+            ".traffic.record:info",
             "Show what is in a recording: topics with counts and times, who wrote it.",
         ),
         "record repair": (
-            ".traffic.record_repair:repair",
+            ".traffic.record:repair",
             "Write a recording again in chunks with an index.",
         ),
         "replay": (
@@ -138,7 +138,7 @@ VERBS: Table = {
             ".runs.catalogue:runs",
             "List the runs that were kept: begin, duration, size on disk, system, result.",
         ),
-        "runs remove": (".runs.remove:remove", "Remove runs by name or by rule, never one that is up."),
+        "runs remove": (".runs.catalogue:remove", "Remove runs by name or by rule, never one that is up."),
         "report": (".runs.report:report", "Make the report of a run again from its recording, and show it."),
         "export": (
             ".runs.export:export",

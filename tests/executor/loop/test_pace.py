@@ -9,10 +9,11 @@ import pytest
 
 from companion.tools.verbs import checkup as console
 from companion.tools.verbs.checkup import Pace
-from services.executor.loop import timing
+from services.executor.loop import pace
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, Timing
-from services.executor.loop.timing import Pacer, measure
+from services.executor.loop.pace import measure
+from services.executor.loop.timing import Pacer
 from velma.names import START
 from velma.sim.mock_backend import MockBackend
 
@@ -100,13 +101,13 @@ def test_the_program_measures_as_the_loop_runs(monkeypatch, capsys, refused, rea
 
     def measured(core, pacer):
         done.append(core.cycles)
-        return timing.Pace(500, 0, True, pacer.timing().realtime, {})
+        return pace.Pace(500, 0, True, pacer.timing().realtime, {})
 
-    monkeypatch.setattr(timing, "take_priority", lambda: done.append("priority") or refused)
-    monkeypatch.setattr(timing, "still_memory", lambda: done.append("memory"))
-    monkeypatch.setattr(timing, "MujocoBackend", lambda scene: done.append("robot") or MockBackend())
-    monkeypatch.setattr(timing, "measure", measured)
-    timing.main()
+    monkeypatch.setattr(pace, "take_priority", lambda: done.append("priority") or refused)
+    monkeypatch.setattr(pace, "still_memory", lambda: done.append("memory"))
+    monkeypatch.setattr(pace, "MujocoBackend", lambda scene: done.append("robot") or MockBackend())
+    monkeypatch.setattr(pace, "measure", measured)
+    pace.main()
     assert done == ["priority", "robot", "memory", 100]
     out = capsys.readouterr().out
     assert out.endswith("}\n")
@@ -138,28 +139,28 @@ def shown(folder, *timings):
 def test_a_loop_that_runs_is_judged_by_what_it_counted_meanwhile(tmp_path, monkeypatch, before, after, expected):
     """Earlier lateness counts for nothing; a loop without deadlines has no periods."""
     slots, pause = shown(tmp_path, before, after)
-    monkeypatch.setattr(timing.time, "sleep", pause)
-    found = timing.watch(slots)
+    monkeypatch.setattr(pace.time, "sleep", pause)
+    found = pace.watch(slots)
     assert (found.periods, found.late, found.held, found.realtime) == expected
 
 
 def test_another_loop_is_tried_out_where_the_world_stands_still(tmp_path, monkeypatch):
     """The one that runs computes nothing, so it cannot be judged."""
     slots, pause = shown(tmp_path, Timing(1000, 0, 0, PACED), Timing(1000, 0, 0, PACED, rested=1000))
-    tried = timing.Pace(500, 3, True, False, {})
-    monkeypatch.setattr(timing.time, "sleep", pause)
-    monkeypatch.setattr(timing, "try_out", lambda: tried)
-    assert timing.watch(slots) is tried
+    tried = pace.Pace(500, 3, True, False, {})
+    monkeypatch.setattr(pace.time, "sleep", pause)
+    monkeypatch.setattr(pace, "try_out", lambda: tried)
+    assert pace.watch(slots) is tried
 
 
 def test_who_watches_a_loop_tells_it_nothing(tmp_path, monkeypatch):
     """Its agent's heartbeat and commands stay as they are, and no robot is made."""
     slots, pause = shown(tmp_path, Timing(0, 0, 0, PACED), Timing(500, 0, 0, PACED))
-    monkeypatch.setattr(timing.time, "sleep", pause)
-    monkeypatch.setattr(timing, "try_out", lambda: pytest.fail("a loop was tried out"))
+    monkeypatch.setattr(pace.time, "sleep", pause)
+    monkeypatch.setattr(pace, "try_out", lambda: pytest.fail("a loop was tried out"))
     before = AgentLink(slots)
     numbers = {name: slot.number for name, slot in before.file.slots.items() if name != "timing"}
-    timing.main(slots)
+    pace.main(slots)
     assert {name: slot.number for name, slot in before.file.slots.items() if name != "timing"} == numbers
 
 
@@ -175,7 +176,7 @@ def test_the_console_is_told_of_no_pace_where_a_loop_stands_still(tmp_path):
 def test_the_program_says_it_in_words_that_the_console_reads():
     """A real second of the simulated robot, in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-m", "services.executor.loop.timing"], capture_output=True, timeout=50, check=True
+        [sys.executable, "-m", "services.executor.loop.pace"], capture_output=True, timeout=50, check=True
     )
     found = msgspec.json.decode(done.stdout, type=Pace)
     assert found.periods >= 500

@@ -26,7 +26,7 @@ from velma.sim import gl
 # Measured in a process of its own: a second of the loop, or some seconds of one that runs.
 
 
-LOOP = "services.executor.loop.timing"
+LOOP = "services.executor.loop.pace"
 WITHIN_S = 30.0  # estimate: it takes 3 s at a load of 5 on two cores
 
 

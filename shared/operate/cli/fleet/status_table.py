@@ -3,8 +3,8 @@
 from rich.table import Table
 from rich.text import Text
 
+from operate.cli.fleet.fleet_state import Status
 from operate.cli.fleet.state_words import COLOURS
-from operate.cli.fleet.status import Status
 from operate.cli.terminal.console import Console
 from operate.run_folder import ProcessState, ProcessStatus
 
