@@ -1,4 +1,5 @@
-"""Whether a pour succeeds when a process is killed, hung, paused or cut off: each process, phase and fault.
+"""Whether a pour succeeds when a process is killed, hung, paused or cut off, or the link of two agents is cut: each
+process or link, phase and fault.
 
 One run of `roco chaos` per cell (operate.cli.chaos.trial). Appends one line per cell to a results file and skips cells
 that stand there, so that it may be ended at any time and goes on. `--table` writes docs/reliability.md.
@@ -26,6 +27,8 @@ from operate.run_folder import REPORT_FILE
 FAULTS: dict[str, float | None] = {"kill": None, "pause": 3.0, "hang": 60.0, "cut": 5.0}
 """Kind -> how long [s]; a supervisor has ended what hangs long before."""
 VICTIMS = ("hi", "co", "pl", "km", "ta", "ex", "loop", "router", "monitor")
+LINKS = tuple(sorted("-".join(sorted(channel.ends)) for channel in SYSTEM.design.channels.values()))
+"""Pairs of agents, each linked with each other; only `cut` is done to them."""
 WIRELESS = ("loop", "monitor")
 """They have no wire that could be cut: the loop speaks with nobody, the monitor with the router directly."""
 RESULTS = Path(__file__).parent / "results/fault_table.jsonl"
@@ -56,7 +59,7 @@ def figures(run: Path) -> dict[str, Any]:
 
 def main(
     faults: Annotated[str, typer.Option(help=", ".join(FAULTS))] = "kill,pause",
-    victims: Annotated[str, typer.Option()] = ",".join(VICTIMS),
+    victims: Annotated[str, typer.Option()] = ",".join((*VICTIMS, *LINKS)),
     phases: Annotated[str, typer.Option()] = ",".join(JOB.phases),
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
     table: Annotated[bool, typer.Option("--table", help="write the tables into docs/reliability.md, and end")] = False,
@@ -69,7 +72,7 @@ def main(
     known = {(line["fault"], line["victim"], line["phase"]) for line in lines}
     asked = itertools.product(faults.split(","), phases.split(","), victims.split(","))
     for number, (fault, phase, victim) in enumerate(asked):
-        if (fault, victim, phase) in known or (fault == "cut" and victim in WIRELESS):
+        if (fault, victim, phase) in known or victim in (WIRELESS if fault == "cut" else LINKS):
             continue
         with tempfile.TemporaryDirectory(prefix="fault-", ignore_cleanup_errors=True) as folder:
             line = cell(victim, phase, fault, 1 + number % 10, Path(folder))
@@ -86,7 +89,7 @@ def printed(lines: list[dict[str, Any]]) -> str:
     found = {(line["fault"], line["victim"], line["phase"]): line for line in lines}
     parts = []
     for fault in FAULTS:
-        rows = [victim for victim in VICTIMS if any((fault, victim, phase) in found for phase in JOB.phases)]
+        rows = [victim for victim in (*VICTIMS, *LINKS) if any((fault, victim, phase) in found for phase in JOB.phases)]
         if not rows:
             continue
         parts += ["", f"| {fault} | {' | '.join(JOB.phases)} | poured |", "|---" * (len(JOB.phases) + 2) + "|"]
