@@ -6,8 +6,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 
 class Model(StrEnum):
     """Models of objects.yaml that a thing can be."""
@@ -44,5 +42,7 @@ Numbers = Mapping[str, Any]
 @cache
 def objects() -> Numbers:
     """Return the numbers of objects.yaml."""
+    import yaml  # only here: who draws things knows their kinds, and has no yaml
+
     numbers: Numbers = yaml.safe_load((Path(__file__).parent / "objects.yaml").read_text())
     return numbers

@@ -11,8 +11,6 @@ from contextlib import redirect_stdout
 from io import StringIO
 from typing import Any, TypeVar
 
-import gtpyhop
-
 from companion.languages.facts import Fact, Kind, fact, fitting
 from companion.languages.hfsm import Rejected
 from companion.planning.asking import Unanswered
@@ -22,6 +20,9 @@ from companion.planning.looking import confirm, look
 from companion.planning.methods import Known, Subtasks, away
 from companion.planning.registry import Each, Method, Plan, rows
 from companion.planning.steps import Geometry, Step
+
+os.environ.setdefault("GTPYHOP_QUIET", "true")  # else it prints a greeting when imported
+import gtpyhop
 
 # --- Methods and steps that belong to no task: what others do first, in between, or in the end -----------------------
 
@@ -48,8 +49,6 @@ COMMON = Plan(
 
 # ----------------------------------------------------------------------------------------------------------------------
 
-
-os.environ.setdefault("GTPYHOP_QUIET", "true")  # else it prints a greeting when imported
 
 MOST_REJECTED, LARGEST_WHY = 24, 100  # of a search, the first ones; bytes of a reason: 4 kB hold them (estimates)
 MOST_STEPS = 200

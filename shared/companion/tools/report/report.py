@@ -12,9 +12,9 @@ from companion.design import DESIGN
 from companion.sentences import happened
 from companion.telemetry import Lateness, PageFaults
 from companion.tools.report import believed, events, plans, verdict
+from companion.tools.report.clock import Clock
 from companion.tools.report.judges import Figures, Share, judges
 from companion.tools.report.paper import TABLE_8
-from companion.tools.report.tables import Clock
 from companion.tools.telemetry import paced, robot, truth
 from operate.recording.history import History
 from operate.recording.records import Spoken
