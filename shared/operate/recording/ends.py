@@ -112,6 +112,9 @@ FROZEN_S = 60.0
 """So long something that was said may be taken later; estimate: pauses of a minute are tried."""
 STILL_TRIES, STILL_S = 50, 0.01
 """Estimate: an agent writes a batch of steps within a millisecond."""
+MOST_SAID = (
+    64  # times that an observation is said and compared: every 2 s, a receiver is away for two minutes (estimate)
+)
 REMEMBERED = 50_000
 """Communicates of which only one log is known so far; 20 MB (estimate)."""
 
@@ -200,9 +203,9 @@ class Ends:
         self._folder, self._system, self._begun = run / STEPS, system, dict(cursor or {})
         self._logs: dict[str, _Log] = {}
         self._alive = defaultdict[str, list[float]](list)
-        self._said: dict[Identity, tuple[Said, float]] = {}
+        self._said: dict[Identity, tuple[tuple[Said, ...], float]] = {}
         self._unsaid: dict[Identity, tuple[Communicate, float]] = {}
-        self._paired: dict[Identity, int] = {}
+        self._paired: dict[Identity, frozenset[int]] = {}
         """A hash of each that both logs have: copies of it, whoever makes them, are no other words."""
         self._rules, self._paired_at, self._told_until = system.design.rules, 0.0, 0.0
 
@@ -329,18 +332,20 @@ class Ends:
             return
         came = self._unsaid.pop(identity, None)
         if came is None:
-            _remember(self._said, identity, (said, at))
+            # An observation is said again with the time of then, and a receiver that was held up takes the first one.
+            earlier, _ = self._said.get(identity, ((), at))
+            _remember(self._said, identity, ((*earlier[1 - MOST_SAID :], said), at))
         else:
-            yield from _compared(said, *came)
-            _remember(self._paired, identity, hash(checked(came[0])))
+            yield from _compared((said,), *came)
+            _remember(self._paired, identity, _hashes((said,), came[0]))
 
     def _taken(self, one: Communicate, at: float) -> Iterator[Record]:
         identity = one.sender, one.receiver, one.id
         said = self._said.pop(identity, None)
         if said is not None:
             yield from _compared(said[0], one, at)
-            _remember(self._paired, identity, hash(checked(one)))
-        elif self._paired.get(identity) != hash(checked(one)):
+            _remember(self._paired, identity, _hashes(said[0], one))
+        elif hash(checked(one)) not in self._paired.get(identity, ()):
             _remember(self._unsaid, identity, (one, at))
 
     def _unpaired(self, until: float) -> Iterator[Record]:
@@ -355,7 +360,7 @@ class Ends:
                 del self._unsaid[identity]
             if wrote:
                 yield _not_sent(one, at)
-        for identity, (said, at) in list(self._said.items()):
+        for identity, ((*_, said), at) in list(self._said.items()):
             if until >= at + LOST_S and not self._is_kept(said.communicate) and not self._holds(identity):
                 yield from self._lost(identity)
         if not self._unsaid and until < math.inf:
@@ -380,7 +385,7 @@ class Ends:
         return rule is not None and (rule.durable or rule.latest)
 
     def _lost(self, identity: Identity) -> Iterator[Record]:
-        said, at = self._said.pop(identity)
+        (*_, said), at = self._said.pop(identity)
         yield from self._by_sender(said, at)
 
     def _by_sender(self, said: Said, at: float) -> Iterator[Record]:
@@ -404,9 +409,14 @@ def _remember(some: dict[Identity, T], identity: Identity, what: T) -> None:
         del some[next(iter(some))]
 
 
-def _compared(said: Said, came: Communicate, at: float) -> Iterator[Unpaired]:
-    """Yield that what came is not what was said."""
-    if checked(came) != (said.communicate, said.check):
+def _hashes(said: tuple[Said, ...], came: Communicate) -> frozenset[int]:
+    """Return what tells later copies from other words."""
+    return frozenset((hash(checked(came)), *(hash((one.communicate, one.check)) for one in said)))
+
+
+def _compared(said: tuple[Said, ...], came: Communicate, at: float) -> Iterator[Unpaired]:
+    """Yield that what came is none of what was said."""
+    if checked(came) not in ((one.communicate, one.check) for one in said):
         why = f"{came.receiver} took other words than {came.sender} said under the id {came.id!r}: their logs differ"
         yield _unpaired(came, at, why, altered=True)
 

@@ -206,6 +206,21 @@ def test_what_is_not_what_was_said_is_named(tmp_path: Path, changed: dict[str, o
     assert [each.verdict for each in of_records(found, SYSTEM) if each.violation].count("altered") == 1
 
 
+@pytest.mark.parametrize("taken", [(0, 1, 2), (0, 2), (2,), (0,)])
+def test_an_observation_that_was_said_again_meanwhile_is_what_was_said(tmp_path: Path, taken: tuple[int, ...]) -> None:
+    """Its receiver was held up: it takes the copies later, whichever came through."""
+    one, logs = first("request"), StepLogs(tmp_path)
+    copies = [msgspec.structs.replace(one, sent=one.sent + number) for number in range(3)]
+    for copy in copies:
+        logs.said(copy, copy.sent)
+    for number in taken:
+        logs.took(copies[number], one.sent + 5.0 + number)
+    assert not [each for each in told(tmp_path) if isinstance(each, Unpaired)]
+    logs.said(msgspec.structs.replace(one, id="102"), one.sent + 9.0)
+    logs.took(msgspec.structs.replace(one, id="102", conversation="desk-9-9"), one.sent + 9.5)
+    assert [each.altered for each in told(tmp_path) if isinstance(each, Unpaired)] == [True]
+
+
 def test_what_nobody_took_is_told_from_its_senders_log(tmp_path: Path) -> None:
     """A volatile one after a while; a durable one, which is said again, when nobody reads any more."""
     asked, ordered, logs = first("subscribe"), first("request"), StepLogs(tmp_path)
