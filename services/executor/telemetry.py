@@ -25,9 +25,9 @@ from services.executor.world import scene_of
 from velma.errors import SlotError
 
 # --- Pictures of the head camera, and of the robot from the room, as telemetry ----------------------------------------
-# made when the robot or a thing has moved The process that renders for the robot's looks makes them, after these. One
-# picture is made at a time, at most one in PICTURE_S; states that come meanwhile are skipped. Nobody waits for a
-# picture. At rest the last one is told again. After a process that ends without a first one, as it does without
+# They are made when the robot or a thing has moved, by the process that renders for the robot's looks, after the
+# looks. One picture is made at a time, at most one in PICTURE_S; states that come meanwhile are skipped. Nobody waits
+# for a picture. At rest the last one is told again. After a process that ends without a first one, as it does without
 # OpenGL, there are none.
 
 
@@ -97,7 +97,7 @@ class Pictures:
             sys.stderr.write(f"no pictures of the robot: {reason}\n")
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Telemetry of the robot, the sealed truth of the simulation, and pictures -----------------------------------------
 
 
 STILL_S = 0.5

@@ -140,7 +140,7 @@ def _sooner(after_s: float, clocks: tuple[int, ...], minute_of_day: float) -> fl
     return min([after_s] * (after_s > 0.0) + ahead, default=0.0)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- From the words of a sentence to its meaning, by the catalogue ----------------------------------------------------
 
 
 MOST_CHARACTERS = 200

@@ -225,7 +225,7 @@ class Robot:
         return (self._run / SLOTS_FILE).exists()
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- The HTTP service of hi on the loopback interface, as in docs/http.md ---------------------------------------------
 
 
 LONGEST_BODY = 4096

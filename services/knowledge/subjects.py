@@ -49,7 +49,7 @@ def is_kind(kind: str, wanted: str) -> bool:
     return kind in below().get(wanted, ())
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- The triples of a scene in the terms of O_RoCo, and the differences between two scenes ----------------------------
 
 
 THING = "urn:robot-companion:thing/"

@@ -147,7 +147,7 @@ async def wav(text: str, language: str) -> bytes | None:
         return sound if process.returncode == 0 and sound else None
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- The answers of the page (starlette) ------------------------------------------------------------------------------
 
 
 LONGEST_BODY = 4096

@@ -30,7 +30,7 @@ def preferred(accepted: str) -> str:
     return LANGUAGES[0]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- View that a browser shows, in its language, made from hi and the robot's telemetry -------------------------------
 
 
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)

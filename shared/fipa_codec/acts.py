@@ -20,7 +20,7 @@ from fipa_codec.performatives import Performative as P
 
 # --- Expressions of contents (FIPA SC00037J): actions, propositions, descriptors, embedded messages ------------------
 # They have the structure that the definitions of the acts need; FIPA SL (SC00008I) has the same three sorts and more
-# connectives. `acts.py` says which act carries which. Independent of the meaning of acts and of any system's
+# connectives. The tables below say which act carries which. Independent of the meaning of acts and of any system's
 # vocabulary.
 
 
@@ -140,7 +140,7 @@ def _parts(term: Term) -> Iterator[Term]:
         yield term.such_that
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Content of the 22 communicative acts (FIPA SC00037J) -------------------------------------------------------------
 
 
 Shape = tuple[tuple[type, ...], ...]

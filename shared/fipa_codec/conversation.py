@@ -59,7 +59,7 @@ def needs(protocol: Protocol, performative: Performative) -> Needs:
     return Needs.SAME if performative in protocol.openings else Needs.NOTHING
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- A conversation of one agent with one peer ------------------------------------------------------------------------
 
 
 # Before Python 3.12 access to a member by its class takes 0.1 us; a message needs about twenty.

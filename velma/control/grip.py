@@ -223,7 +223,7 @@ def watched(before: Watch, r: float, m: float, low: float) -> Watch:
 
 
 # --- A steady pull at what a hand holds out, felt by two senses: the wrist, and the joints, which give way -----------
-#     p = d . ((M + m) e - F)        pull [N] along d, away from the robot; F, e, M, m as of velma.control.grip
+#     p = d . ((M + m) e - F)        pull [N] along d, away from the robot; F, e, M, m as in the module's docstring
 #     s = d . (x - x_set)            how far [m] the hand is beside its set-point along d
 #
 # In a cycle somebody pulls with `least` N if p of the filtered readings is more, p of the reading itself more than

@@ -270,7 +270,7 @@ class PlainChecks:
         pin.updateGeometryPlacements(self._model, self._data, self._shapes, self._placed, self._angle)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- The collision world ----------------------------------------------------------------------------------------------
 
 
 Kind = Literal["furniture", "object"]

@@ -175,7 +175,7 @@ class ArmGeometry:
         return upper_axis, fore_axis, np.arccos((reach * reach - a * a - b * b) / (2.0 * a * b))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Inverse kinematics of a grip -------------------------------------------------------------------------------------
 
 
 Accept = Callable[[Array], bool]

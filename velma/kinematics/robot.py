@@ -151,7 +151,7 @@ def axis(joint: Any) -> Array:
     return np.asarray(data.S).ravel()[3:]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Forward kinematics of torso and arms by Pinocchio, from the robot file that MuJoCo simulates ---------------------
 
 
 ROBOT_XML = Path(__file__).parents[1] / "model" / "robot.xml"

@@ -83,7 +83,7 @@ def _tridiagonal(lower: Array, diagonal: Array, upper: Array, right: Array) -> A
     return found
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Timing of a path -------------------------------------------------------------------------------------------------
 
 
 PERIOD_S = 0.01  # between knots; the loop interpolates

@@ -149,7 +149,7 @@ def _text(numbers: Sequence[float]) -> str:
     return " ".join(f"{x:.6g}" for x in numbers)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Writes robot.xml, Velma alone in MJCF, from the numbers of robot.yaml --------------------------------------------
 
 
 HERE = Path(__file__).parent

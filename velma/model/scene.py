@@ -97,7 +97,7 @@ def _top(text: str, key: str) -> int:
     return next((n for n, line in enumerate(text.splitlines(), 1) if begins.match(line)), 1)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- A scene ----------------------------------------------------------------------------------------------------------
 
 
 CANONICAL = Path(__file__).parent / "scenes" / "canonical.toml"

@@ -84,7 +84,7 @@ def masses(noise: Noise, count: int) -> Array:
     return np.asarray(1.0 + noise.mass * rng.uniform(-1.0, 1.0, count))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Velma in MuJoCo --------------------------------------------------------------------------------------------------
 
 
 # A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate: carries jar and bowl

@@ -20,7 +20,7 @@ from velma.sim.head_camera import CAMERA, Array, HeadCamera, Pixels
 from velma.sim.spoiled_senses import SpoiledPictures
 
 # --- Markers on the things of a simulated world, for pictures. They have no mass and no contact -----------------------
-# the physics is the same A body has one texture with all its plates and one mesh of squares: so many geoms would be
+# The physics is the same. A body has one texture with all its plates and one mesh of squares: so many geoms would be
 # slower to draw.
 
 
@@ -78,7 +78,7 @@ def _texcoords(count: int, rows: int, columns: int) -> np.ndarray:
     return np.asarray((at + corners) / np.array([columns, rows]))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Pictures of the head camera as a real one would take them --------------------------------------------------------
 
 
 _MOUNT, _PICTURE = 1, 2  # random streams of a scene's seed

@@ -184,7 +184,7 @@ def whole(subject: Subject) -> Measured:
     return torn + lost, f"of {seen} read while {RECORDS} were written"
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- The table of checks, in the order in which they run --------------------------------------------------------------
 
 
 T, R, L, S, M, P = Area.TIMING, Area.READINGS, Area.LIMITS, Area.STOP, Area.SAFE_MODE, Area.SLOTS

@@ -121,7 +121,7 @@ def _tell(state: CoreState, out: Out, peer: str, what: str) -> None:
     out.log("another speaker", level="error", peer=peer, why=why)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Reception of an event, before anything is taken ------------------------------------------------------------------
 
 
 REFUSED = "order refused"

@@ -50,7 +50,7 @@ def put(session: zenoh.Session, key: zenoh.KeyExpr | str, data: bytes, **how: An
     session.put(key, data, **how)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Sessions of Zenoh, of an agent linked with its neighbours, of a client and of the router -------------------------
 
 
 LEASE_MS = 2000

@@ -286,7 +286,7 @@ def _record(last: bytes | None, agent: str, start: str) -> Record:
 
 
 # --- Other agents played from a script --------------------------------------------------------------------------------
-# to one real agent its peers are there, hear and receipt it, and say what they are told to.
+# One real agent finds its peers there: they hear it, receipt what it says, and say what they are told to.
 #
 # One session is linked with the agent for all of them; groups speak at the router. They have tokens, answer pings and
 # number their durable streams, but no behaviour, no memory and no journal. `Stage` is the router: nobody else's.

@@ -123,7 +123,7 @@ def fallen(name: str, pose: pin.SE3) -> Fact | None:
     return fact(Kind.UPSIDE_DOWN if upside_down(pose) else Kind.LIES, name)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- What methods of tasks decide by ----------------------------------------------------------------------------------
 
 
 OTHER = {Side.LEFT: Side.RIGHT, Side.RIGHT: Side.LEFT}

@@ -104,7 +104,7 @@ def clear(geometry: Geometry, state: str, spot: Spot, name: str, room: Volume = 
     return not geometry.ask(query, wm.Objects).objects
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Goal places of a thing -------------------------------------------------------------------------------------------
 
 
 BESIDE_M = 0.02  # room beside a thing behind an opening, for a finger (estimate)

@@ -55,7 +55,7 @@ def _away(found: tuple[str, Placing]) -> float:
     return float(np.linalg.norm(found[1].retreat[-1][0].translation))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Where a held thing can be put down, and the primitive step that puts it there ------------------------------------
 
 
 # [rad] largest tilt of a thing on its way, and iterations of a tree, tried in turn: an empty bowl may tilt more. At 60

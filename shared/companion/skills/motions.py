@@ -59,7 +59,7 @@ def _free(here: Situation, q: np.ndarray, head: np.ndarray) -> bool:
         here.world.head(0.0, 0.0)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Motions of the loop made of joint paths --------------------------------------------------------------------------
 
 
 # lookAt of Velma: tilt = -atan2(z - 1.75, r), pan = atan2(y, x) - torso (velma_system@19132ed); the camera itself looks

@@ -36,7 +36,7 @@ SKILLS: dict[type[rc.Command], SkillRow] = {
 }
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Runs the skill of a robot command to its outcome, and updates the situation after each motion --------------------
 
 
 SAG_S = 0.3  # [s] until a hand that was stopped hangs still: -0.4 mm with the jar, 1.3 mm without it (measured)

@@ -85,7 +85,7 @@ WORD = Escape(is_word, "acl-", "_", "@-.")
 # Of three forms the most readable one that decodes to the same bytes is used:
 #   text    a MessagePack string as it is, without an encoding; content of other platforms (fipa-sl, ...) is read so
 #   json    `:encoding json`: values that JSON can represent; tagged Structs of a content language as msgspec writes
-# them
+#           them
 #   base64  `:encoding msgpack-base64`: base64 of the MessagePack for other values (bytes, NaN, keys that are not
 #           strings), with `:X-JADE-Encoding Base64`, so that JADE decodes it for its agents
 #
@@ -163,7 +163,7 @@ def _from_base64(content: str | bytes) -> bytes:
         raise ValueError(str(error)) from error
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Communicate <-> ACL message, without loss in both directions -----------------------------------------------------
 
 
 ID, SENT, REPLY_BY, ACT, PROTOCOL = "X-id", "X-sent", "X-reply-by", "X-act", "X-protocol"

@@ -202,7 +202,7 @@ class Scanner:
             raise self.wrong("text in UTF-8", offset + error.start, f"byte {raw[error.start]:02x}") from error
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Parser of ACL messages -------------------------------------------------------------------------------------------
 
 
 Reader = Callable[["_Reader"], Any]

@@ -112,7 +112,7 @@ def _in_bytes(value: float, _: float) -> str:
     return f"{value:g} B" if value < 1e3 else f"{value / 1e3:g} kB" if value < 1e6 else f"{value / 1e6:g} MB"
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- The report of an experiment for people ---------------------------------------------------------------------------
 
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")

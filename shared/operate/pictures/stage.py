@@ -92,7 +92,7 @@ class Faults:
                 self._lane.enter(happening.at, ", ".join(self._now.values()) or REST)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Everything that is drawn, fed with events ------------------------------------------------------------------------
 
 
 class Drawer(Protocol):

@@ -96,7 +96,7 @@ def receipts(houses: Iterable[House]) -> Iterator[Told]:
             yield Told(house.received, house.owner, house.peer, receipt)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- The record of a run as its agents keep it ------------------------------------------------------------------------
 
 
 SETTLED_S = 0.1
@@ -336,17 +336,25 @@ class Ends:
             earlier, _ = self._said.get(identity, ((), at))
             _remember(self._said, identity, ((*earlier[1 - MOST_SAID :], said), at))
         else:
-            yield from _compared((said,), *came)
-            _remember(self._paired, identity, _hashes((said,), came[0]))
+            yield from self._compared((said,), *came)
 
     def _taken(self, one: Communicate, at: float) -> Iterator[Record]:
         identity = one.sender, one.receiver, one.id
         said = self._said.pop(identity, None)
         if said is not None:
-            yield from _compared(said[0], one, at)
-            _remember(self._paired, identity, _hashes(said[0], one))
+            yield from self._compared(said[0], one, at)
         elif hash(checked(one)) not in self._paired.get(identity, ()):
             _remember(self._unsaid, identity, (one, at))
+
+    def _compared(self, said: tuple[Said, ...], came: Communicate, at: float) -> Iterator[Unpaired]:
+        """Yield that what came is none of what was said; remember all of it, to know later copies."""
+        took, all_said = checked(came), [(one.communicate, one.check) for one in said]
+        _remember(self._paired, (came.sender, came.receiver, came.id), frozenset(map(hash, (took, *all_said))))
+        if took not in all_said:
+            why = (
+                f"{came.receiver} took other words than {came.sender} said under the id {came.id!r}: their logs differ"
+            )
+            yield _unpaired(came, at, why, altered=True)
 
     def _unpaired(self, until: float) -> Iterator[Record]:
         """Yield what only one of two logs has, where that is certain; all until this time was told."""
@@ -407,18 +415,6 @@ def _remember(some: dict[Identity, T], identity: Identity, what: T) -> None:
     some[identity] = what
     if len(some) > REMEMBERED:
         del some[next(iter(some))]
-
-
-def _hashes(said: tuple[Said, ...], came: Communicate) -> frozenset[int]:
-    """Return what tells later copies from other words."""
-    return frozenset((hash(checked(came)), *(hash((one.communicate, one.check)) for one in said)))
-
-
-def _compared(said: tuple[Said, ...], came: Communicate, at: float) -> Iterator[Unpaired]:
-    """Yield that what came is none of what was said."""
-    if checked(came) not in ((one.communicate, one.check) for one in said):
-        why = f"{came.receiver} took other words than {came.sender} said under the id {came.id!r}: their logs differ"
-        yield _unpaired(came, at, why, altered=True)
 
 
 def _not_sent(came: Communicate, at: float) -> Unpaired:

@@ -96,8 +96,8 @@ def reachable(agent: elements.Agent, start: str = "") -> frozenset[str]:
 
 
 # --- The two ends of each message: what one agent says the other takes, per performative, protocol, language, ontology
-# Compared are the messages of the protocols and the interfaces that agents declare (paper, section 4, step 4); rows.py
-# compares the messages with what agents do.
+# Compared are the messages of the protocols and the interfaces that agents declare (paper, section 4, step 4); the
+# checks of rows, below, compare the messages with what agents do.
 
 
 ALWAYS = Performative.NOT_UNDERSTOOD

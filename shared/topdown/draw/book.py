@@ -82,7 +82,7 @@ def _row(row: tuple[str, ...]) -> str:
     return f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>\n'
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- The whole book about a design, or a part of it -------------------------------------------------------------------
 
 
 class What(StrEnum):

@@ -82,7 +82,7 @@ def name_of(place: Place) -> str:
     return one if one == other else f"{one} / {other}"
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- From a protocol's two tables to what can be drawn ----------------------------------------------------------------
 
 
 DECLINING = frozenset({P.REFUSE, P.FAILURE, P.REJECT_PROPOSAL, P.DISCONFIRM, P.NOT_UNDERSTOOD})

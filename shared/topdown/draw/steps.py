@@ -197,7 +197,7 @@ def _free(low: float, high: float, words: str, upright: list[float]) -> float:
     return next(clear, middle)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- The steps of the decomposition, each as the paper's Tables 1 and 2 summarize it ----------------------------------
 
 
 def section(design: Design, step: int | None, width: int) -> Section:

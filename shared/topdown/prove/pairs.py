@@ -64,7 +64,7 @@ def _commands(pair: Pair, role: Role, texts: list[str]) -> Iterator[Command]:
             yield Command(me, f"{word} <- {peer}", heard, (to(WRONG, texts[-1]),))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Layer 2 of a design ----------------------------------------------------------------------------------------------
 
 
 class PairResult(NamedTuple):

@@ -266,7 +266,7 @@ class Net(NamedTuple):
         return self._replace(current=True)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- The parts of the composed model, with numbers in place of values -------------------------------------------------
 
 
 SAY, OPEN, CLOSE, ORPHAN, OWE, ANSWER, ADD = range(7)

@@ -152,7 +152,7 @@ def explore_act(variant: Variant = Variant.RIGHT) -> Exploration:
     return explore(Act(variant))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- All three layers of the proof of a design, one verdict after the other -------------------------------------------
 
 
 LAYERS = (1, 2, 3)

@@ -106,7 +106,7 @@ class ActLanes:
             self._acts.enter(at, REST)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Pictures of this robot beside those of any system ----------------------------------------------------------------
 
 
 def drawers(sheet: Sheet) -> tuple[Drawer, ...]:

@@ -146,7 +146,7 @@ def _words(number: int, step: float, runs: int) -> str:
     return f"{text}   (paper, one run of {theirs.wall_s:.0f} s: {paper})"
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Measures of pours, with the paper's figures beside (operate.experiments.measures) --------------------------------
 
 
 PLANS, IN_BOWL = (1, 2), "in the bowl"

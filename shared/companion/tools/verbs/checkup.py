@@ -74,7 +74,7 @@ def untouchable(fleet: Target) -> str:
     return "" if backend in HARMLESS else f"the back-end {backend} may move a real robot"
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- Checks of `roco doctor` for this robot ---------------------------------------------------------------------------
 
 
 NEEDED = (*checkup.NEEDED, "knowledge", "planner", "executor")

@@ -108,7 +108,7 @@ def _moment(system: System, chance: random.Random) -> tuple[str, str]:
     return MESSAGE, f"{chance.randint(*MESSAGES)}-message"
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- One run of chaos -------------------------------------------------------------------------------------------------
 
 
 FAULT_LOG = "fault.log"

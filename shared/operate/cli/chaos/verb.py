@@ -92,7 +92,7 @@ def _seeds(results: Sequence[Result], target: str, phase: str) -> Text:
     return Text(" ").join(Text(str(one.cell.seed), style=colour(one)) for one in found)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- `roco chaos` -----------------------------------------------------------------------------------------------------
 
 
 RESULTS_FILE = "chaos.jsonl"

@@ -85,7 +85,7 @@ def _copies(fleet: Target, fault: Fault) -> Next:
     raise FleetError(f"{fault.speaker} said nothing to {fault.target} within {HEARD_S:g} s; nothing was done")
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- The kinds of faults, a row each ----------------------------------------------------------------------------------
 
 
 BACK = "back"

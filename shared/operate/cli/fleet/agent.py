@@ -62,7 +62,7 @@ def _clock(at: float) -> str:
     return time.strftime("%H:%M:%S", time.localtime(at)) + f".{int(at % 1 * 1000):03d}"
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- `roco agent info|stop|start|restart NAME` ------------------------------------------------------------------------
 
 
 Process = Annotated[str, typer.Argument(metavar="NAME", help="A process.", autocompletion=living_names.processes)]

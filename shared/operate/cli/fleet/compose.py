@@ -105,7 +105,7 @@ def sheet(data: bytes) -> Sheet:
     return Sheet(now, began, files, stats)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- A fleet in containers (deploy/compose.yaml) ----------------------------------------------------------------------
 
 
 MONITOR, WIRES = "monitor", "wires"

@@ -78,7 +78,7 @@ def _ordered(agent: str, order: Order, text: str, target: str, run_dir: Path | N
             print(f"{agent}: {text}")
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- `roco param list|get|set` ----------------------------------------------------------------------------------------
 
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help="A parameter of it.", autocompletion=completion.parameters)]

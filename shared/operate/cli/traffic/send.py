@@ -221,7 +221,7 @@ def _fields(one: Communicate) -> dict[str, Any]:
     return {name: value for name, value in found.items() if value not in ("", None)}
 
 
-# ----------------------------------------------------------------------------------------------------------------------
+# --- `roco send` ------------------------------------------------------------------------------------------------------
 
 
 CHOICES = ("as", "to", "protocol", "performative")
