@@ -75,6 +75,17 @@ def test_a_life_that_is_not_the_peers_own_does_not_make_it_gone_for_good() -> No
     assert peers.gone(20.0) == [PeerChanged("a", 1)]
 
 
+def test_a_peer_whose_last_tokens_vanish_while_its_news_waits_is_dead() -> None:
+    """The higher life is believed, and vanishes with the other one within the pause between two news."""
+    peers = living("a")
+    peers.token("a", 2, True, 10.0)
+    peers.token("a", 2, False, 10.01)
+    assert peers.gone(10.01) == [], "the other life waits until news is due again"
+    peers.token("a", 1, False, 10.02)
+    assert peers.look_at is not None
+    assert peers.gone(peers.look_at) == [PeerChanged("a", None)]
+
+
 def test_a_journal_that_is_lost_while_the_old_life_ends() -> None:
     """Its lives count from 1 again, within the grace: the new one is believed."""
     peers = living("a")

@@ -72,18 +72,24 @@ class Peers:
 
     def gone(self, now: float) -> list[PeerChanged]:
         """News that had to wait: whose token did not come back in time, and who had too much news."""
-        news = [one for agent in _due(self._later, now) for one in self._news(agent, now)]
+        news = []
+        for agent in _due(self._later, now):
+            del self._later[agent]
+            news += self._settled(agent, now)
         for agent in _due(self._doubted, now):
             del self._doubted[agent]
-            lives = self._tokens.get(agent, {})
-            if self.alive[agent] in lives.get(self._journal[agent], ()):
-                continue
-            if lives:
-                news += self._news(agent, now)
-            else:
-                del self.alive[agent], self._journal[agent]
-                news.append(PeerChanged(agent, None))
+            if self.alive[agent] not in self._tokens.get(agent, {}).get(self._journal[agent], ()):
+                news += self._settled(agent, now)
         return news
+
+    def _settled(self, agent: str, now: float) -> list[PeerChanged]:
+        if self._tokens.get(agent):
+            return self._news(agent, now)
+        if agent not in self.alive or agent in self._doubted:
+            return []
+        # Its last token may have vanished while news of it had to wait: then no other look comes.
+        del self.alive[agent], self._journal[agent]
+        return [PeerChanged(agent, None)]
 
     def _news(self, agent: str, now: float) -> list[PeerChanged]:
         """Believe the highest life of the journal's name that counts, unless there was news just now: then later."""
