@@ -34,8 +34,7 @@ from operate.cli.errors import UsageError
 from operate.cli.faults import run as scenario
 from operate.recording import contents, history, mcap_file
 from operate.recording.ends import Ends
-from operate.recording.records import Garbage, Spoken, Token, understood
-from operate.recording.samples import sampled
+from operate.recording.records import Garbage, Spoken, Token, sampled, understood
 from operate.recording.stored import NoRecordingError
 from services.coordinator import behaviours as coordinator
 from services.human_interface import grammar, wishes

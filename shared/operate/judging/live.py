@@ -11,8 +11,7 @@ import msgspec
 from agent_runtime.core import peers
 from agent_runtime.core.peers import Unheard
 from fipa_codec.communicate import UNREADABLE
-from operate.recording.fault_file import fault_in
-from operate.recording.records import House, Record, Spoken, Token
+from operate.recording.records import House, Record, Spoken, Token, fault_in
 from operate.run_folder import Again, AgentIn, Happened, LiveLine, Sent
 from operate.system import System
 from topdown.judge.copies import Remembered

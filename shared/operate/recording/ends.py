@@ -23,8 +23,8 @@ from agent_runtime.io import steplog
 from agent_runtime.io.steplog import BOOT, Said, checked
 from fipa_codec.communicate import UNREADABLE, Communicate, encode
 from fipa_codec.errors import FipaError
-from operate.judging.judged import SYSTEM
 from operate.recording.records import (
+    RECORDED,
     Garbage,
     House,
     Identity,
@@ -446,4 +446,4 @@ def _receipted(one: Receipted, at: float, agent: str) -> House:
 def _key(one: Communicate, system: System) -> str:
     """The key of a communicate that the design does not have, on no channel of it."""
     told = {name: str(getattr(one, name)) for name in ("sender", "receiver", "protocol", "performative")}
-    return system.design.file.system.key.format(system=SYSTEM, channel="unknown", **told)
+    return system.design.file.system.key.format(system=RECORDED, channel="unknown", **told)

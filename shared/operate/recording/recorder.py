@@ -29,18 +29,27 @@ from agent_runtime.io.pulse import Pulse
 from agent_runtime.io.run_files import make_run
 from agent_runtime.io.steplog import MUCH_BYTES
 from agent_runtime.io.tap import Sample, Tap, Waiting, open_tap
+from operate.fault_lines import FaultFile
 from operate.judging.judged import Judging, encoded
 from operate.judging.live import Live
 from operate.pictures.feed import Feed, feeding
 from operate.recording.contents import versions_now
 from operate.recording.ends import Ends
-from operate.recording.fault_file import KIND as FAULT
-from operate.recording.fault_file import OPERATOR, FaultFile
-from operate.recording.history import Setting
 from operate.recording.mcap_file import FILE, Recording, cursor
-from operate.recording.reading import HEARTBEAT
-from operate.recording.records import SETTING, Garbage, House, Record, Spoken, Token, understood
-from operate.recording.samples import sampled
+from operate.recording.records import (
+    FAULT,
+    HEARTBEAT,
+    OPERATOR,
+    SETTING,
+    Garbage,
+    House,
+    Record,
+    Setting,
+    Spoken,
+    Token,
+    sampled,
+    understood,
+)
 from operate.recording.stored import NOTE
 from operate.run_folder import LIVE_FILE, STEPS, VERDICTS_FILE, Against, Happened, Judged
 from operate.system import System
@@ -439,9 +448,10 @@ def serve(options: Options, system: System) -> int:
     recorders.each(Recorder.finish)
     ready.unlink(missing_ok=True)
     log.write("recorded", samples=recorders.counts, dropped=waiting.dropped)
+    from operate.recording.run import Run
     from operate.reports import make
 
-    made = [make.everything(folder, system, partial(log.write, system=name)) for name, folder in where.items()]
+    made = [make.everything(Run(folder, system), partial(log.write, system=name)) for name, folder in where.items()]
     log.close()
     return 0 if all(made) else 1
 

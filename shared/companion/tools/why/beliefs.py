@@ -4,7 +4,6 @@ Asked of km's own dataset, as by `roco ask`; the observation is the message of t
 """
 
 from collections import defaultdict
-from pathlib import Path
 
 from companion.asking import PREFIXES, Question, Rows, Term
 from companion.languages import wm
@@ -12,7 +11,7 @@ from companion.tools import asking
 from companion.tools.asking import KM, written
 from companion.wording import plain, spaced
 from operate.recording.records import Spoken
-from operate.recording.traced import Run
+from operate.recording.run import Run
 from operate.tracing.reasons import Fact, Passage, Why, record
 from operate.tracing.trace import Message, Trace
 
@@ -38,9 +37,9 @@ TRUTH = {"hasExactPose": ("only predicted", "known as it was seen"), "isMoveable
 """Words for false and for true."""
 
 
-def believed(file: Path, run: Run, name: str, at: float | None = None) -> Why | None:
+def believed(run: Run, name: str, at: float | None = None) -> Why | None:
     """Return what is believed of a thing, now or `at` [s after the first communicate]; None for an unknown one."""
-    known = asking.known(file, at)
+    known = asking.known(run, at)
     thing = next((one for one in _things(known) if name in (one, plain(one), one.partition("_")[0])), None)
     if thing is None:
         return None

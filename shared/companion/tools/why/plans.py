@@ -9,7 +9,7 @@ from companion.wording import at, does, evidence, plain, spaced
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
 from operate.recording.records import Spoken
-from operate.recording.traced import Run
+from operate.recording.run import Run
 from operate.tracing.reasons import Fact, Passage
 from operate.tracing.trace import Span
 

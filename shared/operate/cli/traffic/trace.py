@@ -6,7 +6,6 @@ from typing import Annotated
 import msgspec
 import typer
 
-from operate.cli.analysis import analysed
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.output import Format, RunDir, problems, tell_json
@@ -75,8 +74,10 @@ def trace(
       roco trace TASK --format otlp
     """
     with problems(Format.TEXT if form is As.TEXT else Format.JSON):
+        from operate.recording.run import opened
+
         file = recording_of(run, target, run_dir)
-        found = msgspec.json.decode(analysed("trace", str(file), about=file), type=Trace)
+        found = opened(file).trace
         if not found.spans:
             raise UsageError(f"{file} has no communicate; give the folder of a run, or a recording")
         if not task and form is not As.OTLP:

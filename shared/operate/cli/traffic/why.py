@@ -2,11 +2,9 @@
 
 from typing import Annotated
 
-import msgspec
 import typer
 from rich.text import Text
 
-from operate.cli.analysis import analysed
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
 from operate.cli.terminal.console import Console
@@ -49,10 +47,12 @@ def why(
       roco why TASK --records
     """
     with problems(form):
+        from operate.recording import reasons
+        from operate.recording.run import opened
+
         file = recording_of(run, target, run_dir)
-        words = [str(file), *([about] if about else []), *(["--at", str(at)] if at is not None else [])]
         with waiting("reading the recording …", form):
-            found = msgspec.json.decode(analysed("why", *words, about=file), type=Why)
+            found = reasons.of(opened(file), about, at)
         if form is Format.JSON:
             tell_json(found)
         else:
