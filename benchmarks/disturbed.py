@@ -38,13 +38,13 @@ from companion.languages.cmd import BACK
 from companion.languages.facts import Facts
 from companion.sentences import operator
 from companion.skills.loop_messages import KNOT_S, Motion
-from companion.skills.sight import Eye
+from companion.skills.situation import Eye
 from companion.skills.skill import Asked, Sensed
 from companion.tasks.open_door.done import OpenDoor
 from companion.tasks.pour.done import Pour, PourKind
 from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess
-from services.task.words import SURVEY
+from services.task.outgoing_messages import SURVEY
 from velma.model.contacts import Kind as Meets
 from velma.model.kinds import Model
 from velma.model.scene import CANONICAL, Scene, Thing, load, vary

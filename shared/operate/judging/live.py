@@ -14,7 +14,7 @@ from fipa_codec.communicate import UNREADABLE
 from operate.recording.records import House, Record, Spoken, Token, fault_in
 from operate.run_folder import Again, AgentIn, Happened, LiveLine, Sent
 from operate.system import System
-from topdown.judge.copies import Remembered
+from topdown.judge.conversations import Remembered
 
 KNOWN = 50_000
 """Communicates whose copies are told as such, 10 MB (estimate)."""

@@ -33,7 +33,7 @@ from operate.run_folder import (
 )
 from operate.system import System, of_run
 from operate.tracing.trace import Trace
-from topdown.check.observe import Observation, Observed
+from topdown.check.recorded import Observation, Observed
 
 NOT_UP = (ProcessState.GIVEN_UP, ProcessState.BACKING_OFF)
 

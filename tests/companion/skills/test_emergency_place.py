@@ -20,7 +20,7 @@ RETREAT = [(pin.SE3(np.eye(3), np.array([0.0, 0.0, back])), 1.2) for back in (-0
 
 @pytest.fixture
 def far_out() -> Situation:
-    """The afternoon of benchmarks/afternoon.py with seed 10, when "put down the bowl" was cancelled."""
+    """The afternoon of docs/scheduling.md with seed 10, when "put down the bowl" was cancelled."""
     here = beginning(Robot(), THINGS, {})
     here.q = np.array(Q)
     here.place("table_1", standing(np.array([0.78, -0.843, 0.0])))

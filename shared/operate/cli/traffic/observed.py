@@ -6,7 +6,7 @@ import msgspec
 
 from operate.cli.errors import ConsoleError, NoRunError
 from operate.run_folder import NothingToRead
-from topdown.check.observe import Observed
+from topdown.check.recorded import Observed
 
 
 def recording(run: Path) -> Observed:

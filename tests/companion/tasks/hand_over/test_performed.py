@@ -11,11 +11,11 @@ from companion.languages.evidence import Sense
 from companion.languages.values import Side
 from companion.skills.loop_messages import GripReport, Keep, Motion, Open, Until
 from companion.skills.performing import perform
-from companion.skills.sight import Sight
+from companion.skills.situation import Sight
 from companion.skills.skill import Sensed
 from companion.tasks.hand_over import perform as handing
 from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind, sights, told
-from services.task.words import observations
+from services.task.outgoing_messages import observations
 from velma.kinematics.frames import standing
 from velma.sim import disturbances
 from velma.sim.disturbances import Disturbance, Of

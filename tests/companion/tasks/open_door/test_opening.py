@@ -8,14 +8,14 @@ from robot import Acting
 
 from companion.languages import rc
 from companion.languages.values import Side
-from companion.planning.asking import Asking
+from companion.planning.methods import Asking
 from companion.planning.steps import Geometry
 from companion.tasks.open_door.plan import ENOUGH, open_door
 from services.knowledge.answers import ask
 from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
-from services.task.words import observations
+from services.task.outgoing_messages import observations
 from velma.kinematics.robot import Robot
 from velma.model.scene import CANONICAL, load
 
