@@ -17,7 +17,8 @@ def of(run: Run, about: str, at: float | None = None) -> Why:
     """Return the reasons. `at`: beliefs as they were then [s after the first communicate]. Raise NothingKnown."""
     system = run.system
     tasks = people(run.trace, system)
-    if (span := _task(run.trace, tasks, about)) is not None:
+    span = run.trace.named(about) if about else tasks[-1] if tasks else None
+    if span is not None:
         return _of_task(run, span)
     if about and (believed := system.addition("believed")) is not None:
         found: Why | None = believed(run, about, at)
@@ -28,13 +29,6 @@ def of(run: Run, about: str, at: float | None = None) -> Why:
         thing = ", nor a thing that the system knew" if system.additions.believed else ""
         raise NothingKnown(f"{about!r} is no task of this run{thing}; its tasks are {known}")
     raise NothingKnown(f"no task was asked for in {run.place}; give the folder of a run in which one was")
-
-
-def _task(trace: Trace, tasks: tuple[Span, ...], about: str) -> Span | None:
-    """Return the conversation of that name; without one the newest task."""
-    if not about:
-        return tasks[-1] if tasks else None
-    return next((one for one in trace.spans if about in (one.id, one.conversation)), None)
 
 
 def people(trace: Trace, system: System) -> tuple[Span, ...]:

@@ -23,7 +23,7 @@ from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.output import Form, Format, RunDir, problems, tell_problem
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.conversation import names as conversation_names
+from operate.cli.traffic.subject import names as conversation_names
 from operate.system import System
 from topdown.judge.admission import Admission
 from topdown.model.design import Design, Rule
