@@ -141,7 +141,7 @@ VERBS: Table = {
         "runs remove": (".runs.catalogue:remove", "Remove runs by name or by rule, never one that is up."),
         "report": (".runs.report:report", "Make the report of a run again from its recording, and show it."),
         "export": (
-            ".runs.export:export",
+            ".runs.report:export",
             "Write what a recording holds as tables: communicates, events, telemetry.",
         ),
         "compare": (".runs.compare:compare", "Compare two sets of runs: success, latency, energy, traffic."),

@@ -12,10 +12,9 @@ from typing import Any
 import msgspec
 
 from operate.experiments import intervals
-from operate.experiments.exchanges import Said
 from operate.experiments.intervals import Difference, Interval
 from operate.experiments.measures import Quantity, Runs, values
-from operate.experiments.run_figures import Result
+from operate.experiments.run_figures import Result, Said
 
 # --- First differences in the exchanges of two runs, aligned by conversation and not by time. Pure -------------------
 # Conversations of the same kind (who opens, to whom, by which protocol, about what) are paired in the order in which

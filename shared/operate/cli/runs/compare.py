@@ -13,8 +13,8 @@ from operate.cli.terminal.console import Console
 
 if TYPE_CHECKING:
     from operate.experiments.comparing import Compared, Comparison, Diverged
-    from operate.experiments.exchanges import Said
     from operate.experiments.intervals import Interval
+    from operate.experiments.run_figures import Said
 
 ABSENT = "-"
 STYLES = {"worse": "red", "better": "green", "shown": "dim"}

@@ -1,6 +1,7 @@
-"""`roco report`: the report of a run made again from its recording, and shown."""
+"""What a recording gives: `roco report` makes the report of its run again and shows it, `roco export` makes tables."""
 
 import shutil
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -157,3 +158,50 @@ def _number(value: float | None, unit: str = "") -> str:
         return ABSENT
     number = f"{value:.{0 if unit == '%' else 1}f}"
     return f"{number} {unit}" if unit else number
+
+
+# --- `roco export`: a recording as tables for other tools ----------------------
+
+
+class To(StrEnum):
+    """Formats of the export."""
+
+    PARQUET = "parquet"
+    CSV = "csv"
+
+
+class Written(msgspec.Struct, frozen=True):
+    """A table: its file, rows and columns."""
+
+    file: str
+    rows: int
+    columns: int
+
+
+def export(
+    recording: Annotated[
+        Path, typer.Argument(help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True)
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder of the tables; made where missing.")],
+    to: Annotated[To, typer.Option("--to", help="parquet for tools, csv for all else.")] = To.PARQUET,
+    form: Form = Format.TEXT,
+) -> None:
+    """Write what a recording holds as tables: communicates, events, telemetry.
+
+    Examples:
+      roco export runs/latest --to parquet --out tables
+      roco export runs/latest/traffic.mcap --to csv --out tables --format json
+    """
+    with problems(form):
+        from operate.experiments import tables
+        from operate.recording.run import opened
+
+        run = opened(recording)
+        made = tables.of_history(run.history, run.system)
+        files = zip(tables.write(made, out, to), made.values(), strict=True)
+        written = [Written(str(file), table.num_rows, table.num_columns) for file, table in files]
+        if form is Format.JSON:
+            tell_json(written)
+            return
+        for one in written:
+            print(f"{one.file}: {one.rows} rows, {one.columns} columns")

@@ -66,18 +66,7 @@ def said(sample: Sample) -> Said | None:
     chunks = sample.key.split("/")
     if sample.token or len(chunks) != KEY_CHUNKS or chunks[2] == HOUSE:
         return None
-    channel, sender, receiver, protocol, performative = chunks[2:]
-    return Said(
-        sample.at,
-        sample.key,
-        sample.data,
-        sample.size or len(sample.data),
-        channel,
-        sender,
-        receiver,
-        protocol,
-        performative,
-    )
+    return Said(sample.at, sample.key, sample.data, sample.size or len(sample.data), *chunks[2:])
 
 
 def at_run(run_dir: Path | None) -> Options:
