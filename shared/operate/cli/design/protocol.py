@@ -103,7 +103,7 @@ def protocol(
                 tell_json(found)
                 return
             rows = tuple((one.name, _several(one.aliases), _several(one.openings), one.origin) for one in found)
-            print(text.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
+            print(document.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
             return
         about, one = _meant(name)
         made = write(draw(one).svg(), svg)
