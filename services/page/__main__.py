@@ -14,11 +14,10 @@ from pathlib import Path
 import msgspec
 
 from agent_runtime.io import cli
-from agent_runtime.io.heartbeat import ready_file
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import USAGE_ERROR, Options
-from agent_runtime.io.pulse import Pulse
-from agent_runtime.io.run_files import listen_at, make_run, write_secret
+from agent_runtime.io.process_heartbeat import ProcessHeartbeat
+from agent_runtime.io.run_files import listen_at, make_run, ready_file, write_secret
 from companion.loopback import HERE, Hi
 from companion.loopback_server import RobotStop, Server, listener
 from companion.run_files import HI_FILE, PAGE_FILE, HiEvent, PageAddress, Tasks
@@ -104,7 +103,7 @@ async def _serve(options: Options, listening: socket.socket, address: PageAddres
     eye.start()
     serving = asyncio.create_task(server.serve(sockets=[listening]))
     try:
-        pulse, ready = Pulse(run, NAME), ready_file(run, NAME)
+        pulse, ready = ProcessHeartbeat(run, NAME), ready_file(run, NAME)
         ready.unlink(missing_ok=True)  # of the process before this one
         log.write("listening", at=f"http://127.0.0.1:{address.port}")
         while not serving.done():

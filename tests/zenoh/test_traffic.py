@@ -15,9 +15,9 @@ import pytest
 import zenoh
 
 from agent_runtime.core.wiring import service_key
+from agent_runtime.impersonation import LivingError, Stage
 from agent_runtime.io.sessions import client_config, free_endpoint, open_router
-from agent_runtime.testing.stand_in import LivingError, Stage
-from agent_runtime.testing.step_logs import StepLogs
+from agent_runtime.io.steplog import StepLogs
 from fipa_codec.communicate import decode, encode
 from operate.cli.traffic.listen import Said, recorded, said
 from operate.cli.traffic.play import moved

@@ -4,7 +4,7 @@ import time
 
 from rich.text import Text
 
-from agent_runtime.core.inside import Did, Inside, Talk, Waits
+from agent_runtime.io.heartbeat import Did, Inside, Talk, Waits
 from operate.cli.fleet.process_status import LATE_S, Beat, Info, Row
 from operate.cli.fleet.state_words import COLOURS
 from operate.cli.terminal.console import Console

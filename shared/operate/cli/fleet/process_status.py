@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 import msgspec
 
 from agent_runtime.core.control import Answer, Value
-from agent_runtime.core.inside import Inside
+from agent_runtime.io.heartbeat import Inside
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
 
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
