@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 from pretended_fleet import Fleet
 
-from agent_runtime.testing.wires import LATENCY_S
+from agent_runtime.testing.memory_bus import LATENCY_S
 from companion.all_languages import RC
 from companion.design import DESIGN
 from fipa_codec.communicate import Communicate

@@ -7,7 +7,7 @@ from pretended_robot import Robot, World
 from scripted_search import Script
 
 from agent_runtime.io.devices import DeviceMaker, Post
-from agent_runtime.testing.wires import Faults, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from companion.all_languages import SW
 from companion.binding import wiring
 from companion.design import DESIGN
@@ -50,7 +50,7 @@ class Fleet:
         search: DeviceMaker | None = None,
         robot: DeviceMaker | None = None,
     ) -> None:
-        self.wires = Wires(seed=seed, faults=faults)
+        self.wires = MemoryBus(seed=seed, faults=faults)
         self.world, self.person = World(), Person()
         self.asked: list[wm.AnyQuery] = []
         self._tickets = 0

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from agent_runtime.testing.wires import Wires
+from agent_runtime.testing.memory_bus import MemoryBus
 from companion.all_languages import LANGUAGES
 from companion.design import DESIGN
 from fipa_codec.communicate import Communicate, encode
@@ -13,7 +13,7 @@ from topdown.judge.verdicts import Judgement
 class Tapped(list[Communicate]):
     """The traffic of some wires, and what a judge says about it: `judgements`, once `finished`."""
 
-    def __init__(self, wires: Wires) -> None:
+    def __init__(self, wires: MemoryBus) -> None:
         super().__init__(wires.traffic)
         self._wires = wires
         self.judge = Judge(DESIGN, LANGUAGES)

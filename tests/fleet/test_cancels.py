@@ -7,7 +7,7 @@ import random
 import pytest
 from pretended_fleet import Fleet
 
-from agent_runtime.testing.wires import Faults, Point
+from agent_runtime.testing.memory_bus import Faults, Point
 
 LONGEST_S = 45.0  # the story takes about this long in virtual time
 

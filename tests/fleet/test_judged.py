@@ -6,7 +6,7 @@ import pytest
 from pretended_fleet import Fleet
 from tapped_fleet import Tapped
 
-from agent_runtime.testing.wires import Faults, Point
+from agent_runtime.testing.memory_bus import Faults, Point
 from companion.design import DESIGN
 from topdown.judge.verdicts import Verdict
 

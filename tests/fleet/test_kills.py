@@ -3,7 +3,7 @@
 import pytest
 from pretended_fleet import FINAL, Fleet
 
-from agent_runtime.testing.wires import Faults, Point
+from agent_runtime.testing.memory_bus import Faults, Point
 from companion.design import DESIGN
 
 POINTS = list(Point)

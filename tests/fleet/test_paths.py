@@ -9,7 +9,7 @@ from pretended_operator import begun, say, set_level, stepped, waiting
 from agent_runtime.core.effects import Deed
 from agent_runtime.core.step import Core
 from agent_runtime.io.steplog import deeds
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 from companion.autonomy import WAIT_S, Level, Verb
 from companion.design import DESIGN
 from topdown.prove.paths import Follower

@@ -11,7 +11,7 @@ from agent_runtime.core.events import Received
 from agent_runtime.core.state import Record
 from agent_runtime.core.streams import OUTBOX_BOUND
 from agent_runtime.core.wiring import Delivery
-from agent_runtime.testing.wires import Faults
+from agent_runtime.testing.memory_bus import Faults
 from companion.binding import wiring
 
 EXPLORED = 5  # messages the explored fleet ever had unreceipted in one stream; co to ta, the others 3

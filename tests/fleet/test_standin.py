@@ -3,7 +3,7 @@
 import msgspec
 from pretended_fleet import NAMES, Fleet
 
-from agent_runtime.testing.stand_in import _record
+from agent_runtime.impersonation import _record
 from companion.design import DESIGN
 
 

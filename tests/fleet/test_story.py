@@ -2,7 +2,7 @@
 
 import itertools
 
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 from companion.languages import wm
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import pytest
 from pretended_fleet import Fleet
 
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 from companion.all_languages import LANGUAGES
 from companion.design import DESIGN, language_of
 from fipa_codec.communicate import Communicate, encode

@@ -19,10 +19,10 @@ from agent_runtime.core.errors import RuntimeFault, StepLogError
 from agent_runtime.core.events import Arrived, Next, Started
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
-from agent_runtime.io import incoming, steplog
-from agent_runtime.io.incoming import Bytes as FromWire
+from agent_runtime.io import steplog, zenoh_wire
 from agent_runtime.io.journal import HEAD, MAGIC, MARK, Journal, frame, last_record
 from agent_runtime.io.tap import Sample
+from agent_runtime.io.zenoh_wire import Bytes as FromWire
 from companion.all_languages import LANGUAGES
 from companion.binding import wiring
 from companion.stop_words import stop_words
@@ -168,7 +168,7 @@ def sample(data: bytes) -> None:
     text = key.decode(errors="replace")
     record = understood(Sample(text, payload, 1.76e9, token="/alive/" in text), SYSTEM)
     held(isinstance(record, Garbage) or len(text.split("/")) > 3, "what has no key of the design is garbage")
-    incoming.arrived(FromWire(text, tuple(text.split("/")[3:]), payload))
+    zenoh_wire.arrived(FromWire(text, tuple(text.split("/")[3:]), payload))
 
 
 # --- files of a run ---------------------------------------------------------------------------------------------------
@@ -313,7 +313,7 @@ def serving() -> tuple[Core, CoreState]:
 def order(data: bytes) -> None:
     """An agent takes any bytes for an order, and says what became of it."""
     core, state = serving()
-    after, _ = core.step(state, incoming.ordered(data), 2.0)
+    after, _ = core.step(state, zenoh_wire.ordered(data), 2.0)
     restarted = core.boot(core.record(after))
     held(restarted.now_set == after.now_set or "nan" in repr(after.now_set), "what was set is kept over a restart")
 

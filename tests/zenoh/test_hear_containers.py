@@ -14,7 +14,7 @@ from test_traffic import ROCO, Router, told, wait_for
 
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.sessions import free_endpoint
-from agent_runtime.testing.step_logs import StepLogs
+from agent_runtime.io.steplog import StepLogs
 from companion.tools.system import SYSTEM
 from operate.recording import mcap_file
 from operate.recording.records import SETTING, House, Setting, Spoken

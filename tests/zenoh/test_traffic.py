@@ -15,9 +15,9 @@ import pytest
 import zenoh
 
 from agent_runtime.core.wiring import service_key
+from agent_runtime.impersonation import LivingError, Stage
 from agent_runtime.io.sessions import client_config, free_endpoint, open_router
-from agent_runtime.testing.stand_in import LivingError, Stage
-from agent_runtime.testing.step_logs import StepLogs
+from agent_runtime.io.steplog import StepLogs
 from fipa_codec.communicate import decode, encode
 from operate.cli.traffic.listen import Said, recorded, said
 from operate.cli.traffic.play import moved
@@ -130,7 +130,10 @@ def test_nobody_answers(router: Router) -> None:
     """Exit code 3, and what can be looked at instead."""
     router.close()
     process = subprocess.run(
-        [*ROCO, "traffic", "hz", "--run-dir", str(router.run)], capture_output=True, timeout=DEADLINE_S, check=False
+        [*ROCO, "traffic", "stats", "hz", "--run-dir", str(router.run)],
+        capture_output=True,
+        timeout=DEADLINE_S,
+        check=False,
     )
     assert process.returncode == 3
     assert b"--run" in process.stderr

@@ -114,7 +114,7 @@ class Live:
         before = self._not_heard.get(beat.agent, ())
         self._not_heard[beat.agent] = beat.unheard
         yield from (
-            Happened(t=t, name="unheard", text=peers.words(beat.agent, one, t))
+            Happened(t=t, name="unheard", text=peers.unheard_text(beat.agent, one, t))
             for one in beat.unheard
             if one not in before
         )

@@ -30,7 +30,7 @@ TURNED_AWAY = {
     "not understood": Dead.NOT_UNDERSTOOD,
     "stray": Dead.OVER,
 }
-"""Events of an agent's log that tell of a communicate it did not take (agent_runtime.core.intake and verdict)."""
+"""Events of an agent's log that tell of a communicate it did not take (agent_runtime.core.reception and verdict)."""
 TOO_LONG = "TooLongError: "
 """Before the reason, in the last line of the traceback of an agent that was to send more than is put."""
 

@@ -8,8 +8,8 @@ import pytest
 
 from agent_runtime.core.state import Outgoing
 from agent_runtime.io.journal import MAGIC, frame
+from agent_runtime.io.steplog import StepLogs
 from agent_runtime.io.tap import Sample
-from agent_runtime.testing.step_logs import StepLogs
 from fipa_codec.communicate import Communicate, encode
 from operate.recording import dead, mcap_file
 from operate.recording.records import Record, Spoken, understood

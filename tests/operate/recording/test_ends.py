@@ -13,8 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent_runtime.io.steplog import MUCH_BYTES
-from agent_runtime.testing.step_logs import StepLogs
+from agent_runtime.io.steplog import MUCH_BYTES, StepLogs
 from fipa_codec.communicate import Communicate
 from operate.judging.judged import of_records
 from operate.recording import ends, mcap_file

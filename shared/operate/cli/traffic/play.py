@@ -8,8 +8,8 @@ from typing import Any
 
 import msgspec
 
+from agent_runtime.impersonation import Stage
 from agent_runtime.io.tap import Sample
-from agent_runtime.testing.stand_in import Stage
 from fipa_codec.communicate import Communicate, encode
 from operate.cli.traffic.listen import said
 from operate.system import System

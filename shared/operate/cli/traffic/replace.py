@@ -1,6 +1,6 @@
 """`roco replay FILE --replace AGENT`: a real agent, as in the fleet, against the others as recorded.
 
-The others are played by agent_runtime.testing.stand_in: each says what was recorded, once the agent has said all
+The others are played by agent_runtime.impersonation: each says what was recorded, once the agent has said all
 that it had said before. Compared is what the agent says: performative, receiver, protocol, language, content, what it
 answers.
 """
@@ -18,7 +18,7 @@ import msgspec
 import typer
 
 from agent_runtime.core.binding import wiring
-from agent_runtime.testing.stand_in import Cast, Stage
+from agent_runtime.impersonation import Cast, Stage
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Languages
 from operate.cli.errors import ConsoleError, UsageError

@@ -15,10 +15,10 @@ import msgspec
 import typer
 
 from agent_runtime.core.errors import RuntimeFault
+from agent_runtime.impersonation import Stage
 from agent_runtime.io.run_files import make_run, write_whole
+from agent_runtime.io.steplog import StepLogs
 from agent_runtime.io.tap import Sample
-from agent_runtime.testing.stand_in import Stage
-from agent_runtime.testing.step_logs import StepLogs
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, problems, tell_json

@@ -50,7 +50,7 @@ def names(ctx: typer.Context, incomplete: str) -> list[str]:
 Subject = Annotated[
     str,
     typer.Argument(
-        help="A conversation, as `roco conversation list` names it; of a task the one that opened it.",
+        help="A conversation, as `roco conversation` lists it; of a task the one that opened it.",
         autocompletion=names,
     ),
 ]

@@ -1,6 +1,6 @@
 """`roco replay RUN --verify`: each agent of a run is run again from its step log, and must put out the same bytes.
 
-Each runs in a process of its own module (agent_runtime.io.step_replay), so any system's agents can. Where a step
+Each runs in a process of its own module (agent_runtime.io.steplog), so any system's agents can. Where a step
 differs, the recorded value is looked up: in the log what was done, in the journal the record, in the recording what
 went by.
 """
@@ -20,8 +20,7 @@ from rich.table import Table
 
 from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.io.journal import records
-from agent_runtime.io.step_replay import Again, Parted, Word, digest
-from agent_runtime.io.steplog import fingerprint
+from agent_runtime.io.steplog import Again, Parted, SentAgain, digest, fingerprint
 from fipa_codec.communicate import Communicate, decode
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
@@ -285,12 +284,12 @@ def _verified(run: Path, done: Again, evidence: Evidence) -> Verified:
     )
 
 
-def _other(one: Word, heard: set[bytes] | None) -> bool:
+def _other(one: SentAgain, heard: set[bytes] | None) -> bool:
     """Whether only something else went by in the place of a communicate."""
     return heard is not None and one.digest not in heard
 
 
-def _misheard(one: Word, heard: set[bytes]) -> Difference:
+def _misheard(one: SentAgain, heard: set[bytes]) -> Difference:
     field = f"recording of the communicate {one.id} to {one.receiver}"
     was, now = (f"digest {digest.hex()}" for digest in (min(heard), one.digest))
     return Difference(one.incarnation, one.step, one.at, one.kind, field, was, now)

@@ -18,10 +18,10 @@ import msgspec
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.control import Command, Order
+from agent_runtime.core.duplicate_digests import preceding, receipted
 from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.events import AnyEvent, Arrived, Local, Next, Ordered, PeerChanged, Started, Tick
-from agent_runtime.core.recent import preceding, receipted
 from agent_runtime.core.state import CoreState, restored
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import Delivery, Wiring
@@ -83,10 +83,10 @@ class Node:
         self.wake_at: float | None = None
 
 
-class _Desk:
+class _DevicePort:
     """The outlet of one life of an agent, by which its devices post and publish."""
 
-    def __init__(self, wires: "Wires", agent: str, boot: int) -> None:
+    def __init__(self, wires: "MemoryBus", agent: str, boot: int) -> None:
         self._wires, self._agent, self._boot = wires, agent, boot
 
     def __call__(self, content: Any, delay_s: float = 0.0) -> None:
@@ -96,7 +96,7 @@ class _Desk:
         self._wires.published[self._agent, kind] = data
 
 
-class Wires:
+class MemoryBus:
     """Agents are `add`ed, then `run` goes on until a condition holds.
 
     `now`: the virtual clock [unix s]; `traffic`: every communicate sent, copies too; `published`: (agent, kind) -> the
@@ -234,7 +234,7 @@ class Wires:
         node.wake_at = None
         boot = node.boots
         if node.maker is not None:
-            node.device = node.maker(_Desk(self, agent, boot))
+            node.device = node.maker(_DevicePort(self, agent, boot))
         incarnation, journal = node.state.incarnation, node.state.journal
         self._happen(agent, Started(first=incarnation == 1))
         for name, other in self.nodes.items():

@@ -1,9 +1,9 @@
 """The thread that steps an agent: its loop thread, or a thread that hears, where nothing waits before what it heard.
 
-Who steps has the floor, one at a time. What is heard while the floor is free is taken at once by the thread that heard
+Who steps has the lock, one at a time. What is heard while the lock is free is taken at once by the thread that heard
 it, and no second thread has to be woken for it: with that, a question and its answer took a tenth longer
-(benchmarks/as_shipped.py). What is heard while the floor is taken waits in the inbox, in its sender's order; so
-does what devices post, whose threads have work of their own.
+(benchmarks/as_shipped.py). What is heard while the lock is taken waits in the inbox, in its sender's order; so does
+what devices post, whose threads have work of their own.
 """
 
 import threading
@@ -22,7 +22,7 @@ class Failed(msgspec.Struct, frozen=True):
     error: Exception
 
 
-class Floor:
+class StepLock:
     """`until`: unix time until which the loop thread may sleep."""
 
     def __init__(self, inbox: Inbox, take: Callable[[Any], None], next_at: Callable[[], float]) -> None:
@@ -39,7 +39,7 @@ class Floor:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Take the floor before anything else is heard; return with `until` renewed."""
+        """Take the lock before anything else is heard; return with `until` renewed."""
         self._wanted = True
         with self._lock:
             self._wanted = False
@@ -59,7 +59,7 @@ class Floor:
             self._open = False
 
     def step(self, item: Any) -> None:
-        """Take an entry, then what the own side posted meanwhile on the same thread. Only by who has the floor."""
+        """Take an entry, then what the own side posted meanwhile on the same thread. Only by who has the lock."""
         self._speaker = threading.get_ident()
         try:
             self._take(item)

@@ -15,20 +15,18 @@ from typing import Any
 import msgspec
 import zenoh
 
+from agent_runtime.core.duplicate_digests import covered, digest_of, note, preceding, receipt
 from agent_runtime.core.effects import Receipt
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.lineage import begin_again
-from agent_runtime.core.recent import covered, digest, note, preceding, receipt
 from agent_runtime.core.state import Outgoing, Record
 from agent_runtime.core.streams import RESEND_FIRST, parse_observation
 from agent_runtime.core.wiring import Delivery, Wiring, communicate_key, parse_life, service_key
 from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.incoming import NAMELESS, Bytes, Ping, ReceiptBytes, Token
 from agent_runtime.io.journal import Journal, journal_file, new_name
-from agent_runtime.io.links import Links
 from agent_runtime.io.one_reader import OneReaderQueue
-from agent_runtime.io.sessions import free_endpoint, open_client, open_links, open_router, put
-from agent_runtime.io.zenoh_wire import ZenohWire
+from agent_runtime.io.sessions import Links, free_endpoint, open_client, open_links, open_router, put
+from agent_runtime.io.zenoh_wire import NAMELESS, Bytes, Ping, ReceiptBytes, Token, ZenohWire
 from fipa_codec.communicate import UNREADABLE, Communicate, decode, decode_strictly, encode, encode_strictly, number_of
 from fipa_codec.errors import FipaError, MalformedError
 
@@ -222,7 +220,7 @@ class StandIn:
         if number is None:
             return None
         if number == before + 1:
-            note(self._record, one.sender, number, digest(one))
+            note(self._record, one.sender, number, digest_of(one))
             self._keep()
         if number <= before + 1:
             self._wire.send_receipt(receipt(self._record, one.sender))

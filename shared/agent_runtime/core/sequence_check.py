@@ -1,4 +1,4 @@
-"""Whether a waiting communicate is in sequence, and what the runtime does with one that is not.
+"""Whether a waiting message is in sequence, and what the runtime does with one that is not.
 
 Nothing a peer says kills an agent. In sequence: it goes to the behaviour. A cancel that came too late is answered as
 its protocol demands. A question asked again gets its answer again. What is wrong on a durable stream, or as an
@@ -12,10 +12,10 @@ import msgspec
 from msgspec.structs import replace
 
 from agent_runtime.core import streams
+from agent_runtime.core.duplicate_digests import note, receipt
 from agent_runtime.core.effects import Out, Receipt
 from agent_runtime.core.events import Broken, Received
-from agent_runtime.core.intake import reject
-from agent_runtime.core.recent import note
+from agent_runtime.core.reception import reject
 from agent_runtime.core.state import CoreState, Held, Waiting, age
 from agent_runtime.core.turn import dispatch
 from agent_runtime.core.wiring import Delivery, Link, Wiring
@@ -29,8 +29,6 @@ from fipa_codec.tables import Role
 
 
 class What(StrEnum):
-    """Action for a message."""
-
     TAKE = "take"
     REPEAT = "asked again"
     LATE_CANCEL = "late cancel"
@@ -57,7 +55,7 @@ _CANCEL, _TAKE = Performative.CANCEL, What.TAKE
 
 
 def judge(state: CoreState, waiting: Waiting) -> Verdict:
-    """Return the verdict; nothing is changed."""
+    """What is to be done with a message; nothing is changed."""
     communicate: Communicate = waiting.event.communicate
     held = state.held(communicate.conversation, communicate.sender)
     try:
@@ -65,9 +63,15 @@ def judge(state: CoreState, waiting: Waiting) -> Verdict:
             return _judge_new(state, waiting, communicate)
         if waiting.fault is not None:
             return Verdict(What.REFUSE, held, waiting.fault)
-        if _asked_again(held, communicate):
+        talk = held.conversation
+        if (
+            held.delivery is not _DURABLE
+            and talk.role is _PARTICIPANT
+            and communicate.performative in named(talk.protocol).openings
+            and communicate.reply_with == talk.asked
+        ):
             return Verdict(What.REPEAT, held)
-        talk = held.conversation.receive(communicate, waiting.kind)
+        talk = talk.receive(communicate, waiting.kind)
     except RemoteProtocolError as error:
         durable = waiting.number > 0
         return Verdict(What.REFUSE if durable else What.DROP, held if durable else None, error)
@@ -116,34 +120,23 @@ def _same_subscriber(held: Held, communicate: Communicate) -> bool:
     return same and held.delivery is _LATEST and talk.role is _PARTICIPANT
 
 
-def _asked_again(held: Held, communicate: Communicate) -> bool:
-    talk = held.conversation
-    return (
-        held.delivery is not _DURABLE
-        and talk.role is _PARTICIPANT
-        and communicate.performative in named(talk.protocol).openings
-        and communicate.reply_with == talk.asked
-    )
-
-
 def carry_out(
     state: CoreState, out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict, now: float
 ) -> Received | Broken | None:
     """Count the message as taken, carry the verdict out; return the event for the behaviour, None if there is none."""
     communicate: Communicate = waiting.event.communicate
-    if waiting.number or waiting.subject:
-        _mark_taken(state, out, waiting)
+    if waiting.number:
+        note(state, waiting.peer, waiting.number, waiting.digest)
+        out.receipts.append(receipt(state, waiting.peer))
+        out.durable = True
+    elif waiting.subject:
+        state.versions[waiting.peer] = state.versions.get(waiting.peer, {}) | {waiting.subject: waiting.version}
+        out.receipts.append(Receipt(waiting.peer, subject=waiting.subject, version=waiting.version))
+        out.durable = True
     held = verdict.held
     match verdict.what:
         case What.TAKE if held is not None:
-            if _is_last(state, waiting, held):
-                out.receipts.append(Receipt(communicate.sender, subject=communicate.id))
-            if not held.conversation.cancel or held.conversation.ended:  # what crosses a cancel is not an answer to it
-                state.soft.asks.pop(communicate.conversation, None)
-            if held.delivery is _LATEST and held.conversation.role is _PARTICIPANT:
-                _supersede(state, held, communicate)
-            state.keep(held)
-            return Received(communicate, waiting.content, held.conversation)
+            return _take(state, out, waiting, held)
         case What.REPEAT if held is not None:
             state.count(What.REPEAT)
             if held.answer is not None:
@@ -165,28 +158,22 @@ def carry_out(
     return None
 
 
-def _is_last(state: CoreState, waiting: Waiting, held: Held) -> bool:
-    """Whether a message ends a volatile conversation in which this agent asks no more: it is said until receipted."""
-    talk, soft = held.conversation, not (waiting.number or waiting.subject)
-    return soft and talk.ended and talk.role is _INITIATOR and talk.id not in state.soft.asks
-
-
-def _mark_taken(state: CoreState, out: Out, waiting: Waiting) -> None:
-    if waiting.number:
-        note(state, waiting.peer, waiting.number, waiting.digest)
-        streams.receipt_stream(state, out, waiting.peer)
-        out.durable = True
-    else:
-        state.versions[waiting.peer] = state.versions.get(waiting.peer, {}) | {waiting.subject: waiting.version}
-        out.receipts.append(Receipt(waiting.peer, subject=waiting.subject, version=waiting.version))
-        out.durable = True
-
-
-def _supersede(state: CoreState, held: Held, communicate: Communicate) -> None:
-    """Replace a subscriber's older conversation by its new one."""
-    for name, other in list(state.soft.conversations.items()):
-        if name != held.conversation.id and _same_subscriber(other, communicate):
-            del state.soft.conversations[name]
+def _take(state: CoreState, out: Out, waiting: Waiting, held: Held) -> Received:
+    """Keep the conversation after a message in sequence."""
+    talk, asks = held.conversation, state.soft.asks
+    communicate: Communicate = waiting.event.communicate
+    volatile = not (waiting.number or waiting.subject)
+    if volatile and talk.ended and talk.role is _INITIATOR and talk.id not in asks:
+        # It ends a conversation in which this agent asks no more: it is repeated until receipted.
+        out.receipts.append(Receipt(communicate.sender, subject=communicate.id))
+    if not talk.cancel or talk.ended:  # what crosses a cancel is not an answer to it
+        asks.pop(communicate.conversation, None)
+    if held.delivery is _LATEST and talk.role is _PARTICIPANT:  # a subscriber's new conversation replaces its older one
+        for name, other in list(state.soft.conversations.items()):
+            if name != talk.id and _same_subscriber(other, communicate):
+                del state.soft.conversations[name]
+    state.keep(held)
+    return Received(communicate, waiting.content, talk)
 
 
 def _answer_late_cancel(state: CoreState, out: Out, wiring: Wiring, held: Held, now: float) -> None:
@@ -198,7 +185,7 @@ def _answer_late_cancel(state: CoreState, out: Out, wiring: Wiring, held: Held, 
     durable = held.delivery is _DURABLE
     talk, communicate = talk.send(
         Performative.FAILURE,
-        id=str(streams.next_number(state, talk.peer)) if durable else state.name(),
+        id=streams.next_id(state, talk.peer, durable),
         now=now,
         content=REASON.encode(reason),
         language=REASON.name,
@@ -224,7 +211,7 @@ def _refuse(
         conversation=communicate.conversation,
         sender=state.agent,
         receiver=communicate.sender,
-        id=str(streams.next_number(state, communicate.sender)) if durable else state.name(),
+        id=streams.next_id(state, communicate.sender, durable),
         sent=now,
     )
     if durable:

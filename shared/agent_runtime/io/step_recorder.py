@@ -43,7 +43,7 @@ class _Done(msgspec.Struct, frozen=True):
     received: Communicate | None
 
 
-class Diary:
+class StepRecorder:
     """The steps of one agent that are not written down yet, and where they go."""
 
     def __init__(self, log: Log, steps: StepLog, wiring: Wiring) -> None:

@@ -1,21 +1,30 @@
-"""Robot telemetry that people see: pictures of the head camera and of the robot, and the mode of the control loop.
+"""The robot as the page reaches it over Zenoh, with the identity `page`: it may hear the telemetry, and order ta.
 
-Heard from Zenoh with the identity `page`, which may hear this key and nothing else. Calls come from threads of Zenoh.
+Calls of what is heard come from threads of Zenoh. The word to ta blocks: for threads only.
 """
 
 import base64
+import secrets
 import threading
+import time
 from collections.abc import Callable
 
 import msgspec
 
+from agent_runtime.core.control import KIND, Command, SetParameter
+from agent_runtime.io import sessions
 from agent_runtime.io.options import Options
+from agent_runtime.io.secured import client_tls
+from agent_runtime.io.sessions import close, open_client
 from agent_runtime.io.tap import open_ear
+from companion.autonomy import STEP, Verb, Word
 from companion.design import DESIGN, AgentName
 from companion.telemetry import Picture, RobotState, told
 from services.page.view import PICTURE, ROOM
 
 IDENTITY = "page"
+ROUTER_S = 3.0
+"""Longest wait for the router [s] (estimate: it answers in milliseconds)."""
 
 
 class RobotEye:
@@ -63,3 +72,23 @@ class RobotEye:
 def data_url(jpeg: bytes) -> str:
     """Return a picture as an address (RFC 2397)."""
     return f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"
+
+
+class RobotWord:
+    """Sender of the operator's word. What hi tells next shows whether ta took it; a repeated word does nothing."""
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+        self._key = DESIGN.signal_key(KIND, system=options.system, owner=IDENTITY, peer=AgentName.TA)
+
+    def go(self, at: str) -> bool:
+        """Let the act at this path of the plan begin. Return whether the router took the word."""
+        until = time.monotonic() + ROUTER_S
+        tls = client_tls(self._options.keys, IDENTITY) if self._options.keys else None
+        session = open_client(self._options.connect, lambda: time.monotonic() > until, tls=tls)
+        if session is None:
+            return False
+        order = SetParameter(STEP, str(Word(Verb.GO, at)))
+        sessions.put(session, self._key, msgspec.msgpack.encode(Command(f"page-{secrets.token_hex(8)}", order)))
+        close(session)
+        return True

@@ -18,7 +18,7 @@ PERIOD_S = 1.0
 """As an agent's."""
 
 
-class Pulse:
+class ProcessHeartbeat:
     """Beats when asked to, at most once in PERIOD_S: for each turn of a loop."""
 
     def __init__(self, run: Path, name: str) -> None:
@@ -56,7 +56,7 @@ class Turns:
     Start it before the loop takes a real-time priority, which a new thread would inherit.
     """
 
-    def __init__(self, pulse: Pulse, period_s: float = PERIOD_S) -> None:
+    def __init__(self, pulse: ProcessHeartbeat, period_s: float = PERIOD_S) -> None:
         self.count = 0
         self._pulse, self._period_s = pulse, period_s
         self._ended = threading.Event()
