@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 from rich.console import RenderableType
-from rich.table import Table
 
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from operate.run_folder import TRAFFIC_FILE
 
 if TYPE_CHECKING:
@@ -111,7 +111,6 @@ _TRUTH = {None: "", True: "; true", False: "; NOT TRUE"}
 
 def figures(told: dict[str, Any], shown: "tuple[Shown, ...]") -> RenderableType:
     """Return the figures of the whole run, and of each plan."""
-    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     said = told["communicates"]
     rows = [(one.name, _number(one.value, one.unit)) for one in shown]
     rows += [
@@ -123,34 +122,27 @@ def figures(told: dict[str, Any], shown: "tuple[Shown, ...]") -> RenderableType:
     for number, task in enumerate(told.get("tasks", ()), start=1):
         rows.append((f"task {number}", f"{task['asked']}: {'done' if task['success'] else task['failure']}"))
         rows += [("", f"{one['words']}{_TRUTH[one['true']]}") for one in task.get("claims", ())]
-    for name, text in rows:
-        table.add_row(name, text)
-    return table
+    return table(("", ""), rows, fold=("",))
 
 
 def events(told: dict[str, Any]) -> RenderableType:
     """Return the table of events with their times."""
-    table = Table("event", box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for name in ("wall [s]", "simulated [s]"):
-        table.add_column(name, justify="right")
-    for one in told["events"]:
-        table.add_row(one["words"], _number(one["t"]), _number(one["sim_s"]))
-    return table
+    times = ("wall [s]", "simulated [s]")
+    rows = ((one["words"], _number(one["t"]), _number(one["sim_s"])) for one in told["events"])
+    return table(("event", *times), rows, right=times, fold=("event", *times), header_style="bold")
 
 
 def matrix(told: dict[str, Any]) -> RenderableType:
     """Return the matrix of message counts: rows receive, columns send."""
     counts: dict[str, dict[str, int]] = told["communicates"]["matrix"]
-    agents = list(counts)
-    table = Table("to \\ from", box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for sender in (*agents, "received"):
-        table.add_column(sender, justify="right")
-    for receiver in agents:
-        row = [counts[sender].get(receiver, 0) for sender in agents]
-        table.add_row(receiver, *(str(count or "") for count in row), str(sum(row)))
-    sent = [sum(counts[sender].values()) for sender in agents]
-    table.add_row("sent", *map(str, sent), str(sum(sent)))
-    return table
+    heads = ("to \\ from", *counts, "received")
+    drawn = table(heads, right=heads[1:], fold=heads, header_style="bold")
+    for receiver in counts:
+        row = [counts[sender].get(receiver, 0) for sender in counts]
+        drawn.add_row(receiver, *(str(count or "") for count in row), str(sum(row)))
+    sent = [sum(row.values()) for row in counts.values()]
+    drawn.add_row("sent", *map(str, sent), str(sum(sent)))
+    return drawn
 
 
 def _number(value: float | None, unit: str = "") -> str:

@@ -22,6 +22,7 @@ from operate.cli.fleet.hear import LostError
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from operate.cli.traffic.filter_options import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
 from operate.cli.traffic.listen import about, hearing
 from operate.run_folder import TRAFFIC_FILE
@@ -119,6 +120,7 @@ def _recorded(keeper: "Keeper", heard: "subprocess.Popen[bytes]", form: Format) 
 # --- `roco record info`: what is in a recording, before anything is made of it ---------------------------------------
 
 
+NUMBERS = ("count", "size", "first", "last", "Hz")
 LEAST_S = 1.0
 """Of messages within a shorter time a rate tells nothing (estimate)."""
 
@@ -151,7 +153,7 @@ def info(
         console = Console(highlight=False)
         for line in heading(told):
             console.print(line, soft_wrap=True)
-        console.print(table(told, keys=keys))
+        console.print(topics(told, keys=keys))
 
 
 def heading(told: "Contents") -> list[str]:
@@ -168,12 +170,9 @@ def heading(told: "Contents") -> list[str]:
     return lines + [f"{name}: {_facts(facts)}" for name, facts in told.notes.items()]
 
 
-def table(told: "Contents", *, keys: bool) -> Table:
+def topics(told: "Contents", *, keys: bool) -> Table:
     """Return the topics, a line for each and with `keys` for each of their keys; times since the first message."""
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("topic", "count", "size", "first", "last", "Hz"):
-        drawn.add_column(name, no_wrap=True, justify="left" if name == "topic" else "right")
-    begin = told.span[0]
+    drawn, begin = table(("topic", *NUMBERS), right=NUMBERS), told.span[0]
     for topic in told.topics:
         drawn.add_row(*_cells(topic, topic.name, begin))
         for key in sorted(topic.keys.values(), key=lambda one: one.name) if keys else ():

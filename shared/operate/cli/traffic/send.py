@@ -23,6 +23,7 @@ from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.output import Form, Format, RunDir, problems, tell_problem
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from operate.cli.traffic.subject import names as conversation_names
 from operate.system import System
 from topdown.judge.admission import Admission
@@ -327,19 +328,19 @@ def rules(design: Design, chosen: tuple[str, ...]) -> list[Rule]:
     ]
 
 
-def table(found: list[Rule]) -> Table:
+def allowed(found: list[Rule]) -> Table:
     """Return the permitted communicates as a table for people."""
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("as", "to", "protocol", "performative", "on"):
-        drawn.add_column(name, no_wrap=True)
-    drawn.add_column("content")
-    drawn.add_column("at most", justify="right", no_wrap=True)
-    for rule in sorted(found, key=lambda one: (one.sender, one.receiver, one.protocol, one.performative)):
-        content = ", ".join(rule.contents) or f"none ({rule.language})"
-        drawn.add_row(
-            rule.sender, rule.receiver, rule.protocol, rule.performative, rule.channel, content, f"{rule.bytes} B"
+    found = sorted(found, key=lambda one: (one.sender, one.receiver, one.protocol, one.performative))
+    rows = (
+        (
+            *(one.sender, one.receiver, one.protocol, one.performative, one.channel),
+            ", ".join(one.contents) or f"none ({one.language})",
+            f"{one.bytes} B",
         )
-    return drawn
+        for one in found
+    )
+    heads = ("as", "to", "protocol", "performative", "on", "content", "at most")
+    return table(heads, rows, right=("at most",), fold=("content",))
 
 
 def _list(design: Design, chosen: tuple[str, ...], form: Format, *, missing: bool) -> None:
@@ -348,7 +349,7 @@ def _list(design: Design, chosen: tuple[str, ...], form: Format, *, missing: boo
     if form is Format.JSON:
         print(msgspec.json.encode(found).decode())
     elif found:
-        Console().print(table(found))
+        Console().print(allowed(found))
     if not found:
         _stop(_unknown(design, chosen), form, 2)
     if missing:

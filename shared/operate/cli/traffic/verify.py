@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 import typer
-from rich.table import Table
 
 from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.io.journal import records
@@ -26,6 +25,7 @@ from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from operate.cli.traffic.play import as_agent, compared, difference
 from operate.run_folder import STEPS, TRAFFIC_FILE
 from operate.system import System, of_run
@@ -303,13 +303,10 @@ def _kept(run: Path, agent: str, parted: Parted, evidence: Evidence) -> Kept:
 
 
 def _print(found: list[Verified]) -> None:
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("agent", "lives", "steps", "said", "heard"):
-        drawn.add_column(name, no_wrap=True, justify="left" if name == "agent" else "right")
-    for one in found:
-        heard = "-" if one.heard is None else str(one.heard)
-        drawn.add_row(one.agent, str(one.lives), str(one.steps), str(one.said), heard)
-    Console(highlight=False).print(drawn)
+    heads = ("agent", "lives", "steps", "said", "heard")
+    counts = ((one.lives, one.steps, one.said, "-" if one.heard is None else one.heard) for one in found)
+    rows = ((one.agent, *map(str, numbers)) for one, numbers in zip(found, counts, strict=True))
+    Console(highlight=False).print(table(heads, rows, right=heads[1:]))
     for one in found:
         if one.unlogged:
             print(f"{one.agent}: {one.unlogged} more were heard, of steps that its log lost, as a kill -9 does")
