@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 
@@ -59,6 +59,13 @@ class Said(msgspec.Struct, frozen=True):
             return decode_strictly(self.data)
         except FipaError:
             return None
+
+
+def fields_of(one: Communicate) -> dict[str, Any]:
+    """A communicate by the names of its fields, its content as what it is; without `content` where it has none."""
+    told = msgspec.structs.asdict(one)
+    content = told.pop("content")
+    return told if content is msgspec.UNSET else told | {"content": msgspec.msgpack.decode(content)}
 
 
 def said(sample: Sample) -> Said | None:

@@ -26,6 +26,7 @@ from operate.cli.output import Form, Format, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
+from operate.cli.traffic.listen import fields_of
 from operate.cli.traffic.play import as_agent, compared, difference
 from operate.run_folder import STEPS, TRAFFIC_FILE
 from operate.system import System, of_run
@@ -137,12 +138,7 @@ def _value_told(value: Any) -> Any:
 
 
 def _worded(sends: Iterable[Communicate]) -> list[dict[str, Any]]:
-    """Communicates by the names of their fields, each content as what it is."""
-    told = [msgspec.structs.asdict(one) for one in sends]
-    for one in told:
-        content = one.pop("content")
-        one |= {} if content is msgspec.UNSET else {"content": msgspec.msgpack.decode(content)}
-    return told
+    return [fields_of(one) for one in sends]
 
 
 # --- Evidence from a recording about the agents of its run, for comparison with their output when they are run again --
