@@ -183,12 +183,12 @@ def _bytes(figures: Figures) -> Value:
     return sum(one.total for one in sizes) / 1000 if sizes else None
 
 
-def _largest(figures: Figures) -> Value:
-    return max((one.largest for one in figures.communicates.per_channel.values()), default=None)
-
-
 def _small(figures: Figures) -> Value:
     return None if figures.communicates.small is None else 100 * figures.communicates.small
+
+
+def _largest(figures: Figures) -> Value:
+    return max((one.largest for one in figures.communicates.per_channel.values()), default=None)
 
 
 SMALL, LARGEST = "share below 0.5 kB", "largest communicate"
