@@ -32,6 +32,7 @@ from companion.tools.system import SYSTEM
 from operate.pictures.feed import feeding
 from operate.recording.run import Run
 from operate.reports import make
+from operate.recording.run import Run
 import services.monitor.__main__, operate.recording.recorder
 told = []
 say = lambda event, **fields: told.append((event, fields.get("file")))
