@@ -13,6 +13,7 @@ import msgspec
 
 from companion import loopback
 from companion.run_files import HI_FILE, HiAddress, Say, TaskLine
+from operate import proc
 from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError, NoRunError
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
@@ -126,7 +127,7 @@ def begins(wanted: Listener, run: Path) -> bool:
 
     It says so before anything of it is in a run folder. In a container the listener itself is looked for.
     """
-    called = folders.called()
+    called = [words for _, words in proc.every_words()]
     if folders.around() is not None:
         return any(wanted.module in words for words in called)
     mine = {run.resolve(), run.parent.resolve()} if run.name == LATEST else {run.resolve()}
