@@ -44,7 +44,7 @@ from companion.tasks.open_door.done import OpenDoor
 from companion.tasks.pour.done import Pour, PourKind
 from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess
-from services.task.words import SURVEY
+from services.task.outgoing_messages import SURVEY
 from velma.model.contacts import Kind as Meets
 from velma.model.kinds import Model
 from velma.model.scene import CANONICAL, Scene, Thing, load, vary

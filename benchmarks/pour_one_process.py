@@ -41,8 +41,8 @@ from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
 from services.task import plan as plans
+from services.task.outgoing_messages import SURVEY, known_after, not_checked, observations
 from services.task.running import LOOK_FIRST, OF_KIND
-from services.task.words import SURVEY, known_after, not_checked, observations
 from velma.kinematics.robot import Robot
 from velma.model.scene import CANONICAL, Content, Noise, Scene, checked, load, vary
 from velma.sim.mujoco_backend import MujocoBackend

@@ -16,7 +16,7 @@ from companion.design import AgentName
 from companion.languages.cmd import TaskState
 from companion.languages.facts import Facts, Kind, fact
 from fipa_codec.performatives import Performative as P
-from services.coordinator import words
+from services.coordinator import outgoing_messages as messages
 from services.coordinator.incoming import RULE, leave, not_answering, requeued, suspend, take
 from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, parameters_wanted, turn_come
 from services.coordinator.offers import comparing, decided, offer, place
@@ -35,13 +35,13 @@ def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     for job in memory.arrived:
         why_not = _why_not(memory, turn, limits)
         if why_not:
-            turn.say(job.conversation, P.REFUSE, words.report(TaskState.FAILED, why_not))
+            turn.say(job.conversation, P.REFUSE, messages.report(TaskState.FAILED, why_not))
             continue
         if job.command.start > turn.now:
             job = replace(job, stage=Stage.EARLY)
             turn.wake(job.conversation, job.command.start)
         memory = requeued(replace(memory, jobs=(*memory.jobs, job)), turn, limits)
-        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, (place(memory.jobs, job, turn.now),)))
+        turn.say(job.conversation, P.AGREE, messages.report(TaskState.WAITING, (place(memory.jobs, job, turn.now),)))
     return replace(memory, arrived=())
 
 
@@ -77,15 +77,15 @@ def _planned(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     chosen = _chosen(memory, turn, job, limits) if not job.begun else ()
     job = replace(job, plans=job.plans + 1, aside=False)
     talk = _asked(turn, job, limits)
-    if job.looks < 2 or job.why != words.LOOKS:
+    if job.looks < 2 or job.why != messages.LOOKS:
         why = fact(Kind.PLAN, job.plans, *(job.why or chosen))
-        words.progress(turn, job, TaskState.PLANNING, (why,))
+        messages.progress(turn, job, TaskState.PLANNING, (why,))
     return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at=None, why=(), weighed=False))
 
 
 def _asked(turn: Turn, job: Job, limits: Limits) -> str:
     """Return the conversation in which pl is asked for the plan of a task."""
-    network, patience_s = words.network(job), limits.planning_s
+    network, patience_s = messages.network(job), limits.planning_s
     return turn.open(AgentName.PL, "request", P.REQUEST, network, reply_by_s=patience_s, parent=job.conversation)
 
 
@@ -114,8 +114,8 @@ def schedule(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     if decision is not None:
         turn.log("decision", **{**msgspec.structs.asdict(decision), "why": decision.why.kind})
         if not decision.switch and (rival := memory.of_hi(decision.rival)) is not None:
-            why = words.about(Kind.GOES_ON, running, decision.why)
-            words.progress(turn, rival, TaskState.WAITING, (why,))
+            why = messages.about(Kind.GOES_ON, running, decision.why)
+            messages.progress(turn, rival, TaskState.WAITING, (why,))
     ready = running.stage is Stage.PLANNED or (decision is not None and decision.switch)
     return replace(memory, choice=Choice.SWITCH if ready else Choice.CONTINUE)
 
@@ -136,7 +136,7 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     patience_s = limits.acting_s(plan)
     talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=patience_s, parent=job.conversation)
     takes = (fact(Kind.PLAN_TAKES, job.plans, plan.duration),)
-    words.progress(turn, job, TaskState.RUNNING, takes, words.steps(plan))
+    messages.progress(turn, job, TaskState.RUNNING, takes, messages.steps(plan))
     job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False, patience_s=patience_s, asks=False)
     if job.cancelling or job.suspending:
         leave(turn, job, limits)

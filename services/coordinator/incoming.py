@@ -20,7 +20,7 @@ from companion.languages.sw import WorkerState
 from companion.sentences import operator
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
-from services.coordinator import words
+from services.coordinator import outgoing_messages as messages
 from services.coordinator.memory import Job, Limits, Memory, Stage
 from services.coordinator.offers import first_in, queued
 from services.coordinator.scheduling import RULES
@@ -87,7 +87,7 @@ def cancel(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
         return memory.with_job(replace(job, cancelling=True))
     if not job.talk:
         turn.unwake(job.conversation)
-        words.cancelled(turn, job, (fact(Kind.PUT_ASIDE if job.suspended else Kind.NOT_BEGUN_YET),))
+        messages.cancelled(turn, job, (fact(Kind.PUT_ASIDE if job.suspended else Kind.NOT_BEGUN_YET),))
         return memory.without_job(job)
     if not (job.cancelling or job.suspending or job.recalled):
         if job.stage is Stage.RUNNING:
@@ -105,7 +105,7 @@ def suspend(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
         return _suspended(memory, turn, job, limits)
     if job.stage is Stage.RUNNING:
         leave(turn, job, limits)
-    words.progress(turn, job, TaskState.RUNNING, _rival(memory))
+    messages.progress(turn, job, TaskState.RUNNING, _rival(memory))
     return memory.with_job(replace(job, suspending=True))
 
 
@@ -118,7 +118,7 @@ def _rival(memory: Memory) -> Facts:
     """The task for which another one is left, and why; () where it is gone."""
     decision = memory.decision
     rival = memory.of_hi(decision.task) if decision is not None else None
-    return () if rival is None or decision is None else (words.about(Kind.LEFT_FOR, rival, decision.why),)
+    return () if rival is None or decision is None else (messages.about(Kind.LEFT_FOR, rival, decision.why),)
 
 
 # --- pl ---------------------------------------------------------------------------------------------------------------
@@ -156,7 +156,7 @@ def _informed(memory: Memory, turn: Turn, job: Job, content: object, limits: Lim
 
 def _not_yet(memory: Memory, job: Job) -> Memory:
     """Request the same plan again later, since the robot still looks around."""
-    job = replace(job, stage=Stage.WAITING, talk="", plans=job.plans - 1, looks=job.looks + 1, why=words.LOOKS)
+    job = replace(job, stage=Stage.WAITING, talk="", plans=job.plans - 1, looks=job.looks + 1, why=messages.LOOKS)
     return memory.with_job(job)
 
 
@@ -174,7 +174,7 @@ def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     if isinstance(said, sw.Report) and said.state not in sw.FINAL:
         return _on_progress(memory, turn, job, said)
     if isinstance(said, sw.Report) and said.state is WorkerState.SUCCEEDED:
-        words.done(turn, job, said.why or (fact(Kind.TOOK, round(turn.now - job.arrived)),), said.evidence)
+        messages.done(turn, job, said.why or (fact(Kind.TOOK, round(turn.now - job.arrived)),), said.evidence)
         return memory.without_job(job)
     if job.cancelling:
         return _cancelled(memory, turn, job, said.why if isinstance(said, sw.Report) else ())
@@ -183,7 +183,7 @@ def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     if isinstance(said, sw.Report) and said.state is WorkerState.REPLAN:
         return _on_replan(memory, turn, job, said, limits)
     evidence = said.evidence if isinstance(said, sw.Report) else ()
-    words.failed(turn, job, _why(turn, received), evidence)
+    messages.failed(turn, job, _why(turn, received), evidence)
     return memory.without_job(job)
 
 
@@ -207,11 +207,11 @@ def _why(turn: Turn, received: Received) -> Facts:
 
 def _on_progress(memory: Memory, turn: Turn, job: Job, said: sw.Report) -> Memory:
     if said.state is WorkerState.WAITING:
-        words.asks(turn, job, said)
+        messages.asks(turn, job, said)
         return memory.with_job(replace(job, at=said.at, asks=True))
     if (said.at, said.why) == (job.at, job.why) and not job.asks:
         return memory
-    words.progress(turn, job, TaskState.RUNNING, said.why, at=said.at)
+    messages.progress(turn, job, TaskState.RUNNING, said.why, at=said.at)
     return memory.with_job(replace(job, at=said.at, why=said.why, asks=False))
 
 
@@ -229,7 +229,7 @@ def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
     Its schedule parameters until then: the rest where it was left, and the time to be there again.
     """
-    words.progress(turn, job, TaskState.SUSPENDED, _rival(memory))
+    messages.progress(turn, job, TaskState.SUSPENDED, _rival(memory))
     here = job.parameters
     left = () if here is None else (hfsm.ScheduleParameters("", here.rest + here.resume),)
     job = replace(
@@ -244,12 +244,12 @@ def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
 
 def _cancelled(memory: Memory, turn: Turn, job: Job, why: Facts) -> Memory:
-    words.cancelled(turn, job, why)
+    messages.cancelled(turn, job, why)
     return memory.without_job(job)
 
 
 def _failed(memory: Memory, turn: Turn, job: Job, why: Facts) -> Memory:
-    words.failed(turn, job, why)
+    messages.failed(turn, job, why)
     return memory.without_job(job)
 
 
@@ -265,7 +265,7 @@ def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
         return memory.with_job(replace(job, recalled=True))
     if job.left_with_plan or not (job.cancelling or job.suspending or job.recalled):
         turn.say(job.talk, P.CANCEL)
-    words.failed(turn, job, (fact(Kind.NOT_ANSWERED, who),))
+    messages.failed(turn, job, (fact(Kind.NOT_ANSWERED, who),))
     turn.wake(PATIENCE, turn.now + limits.patience_s)
     memory = memory.without_job(job)
     return replace(memory, loose=(*memory.loose, job.talk))

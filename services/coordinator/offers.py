@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from companion.languages.facts import Fact, Kind, fact
 from companion.languages.hfsm import PUT_DOWN_S
-from services.coordinator import words
+from services.coordinator import outgoing_messages as messages
 from services.coordinator.memory import Job, Memory, Stage, bound, comes_after
 from services.coordinator.scheduling import Decision, Offer, Rule, by_costs, by_deadline, in_order
 
@@ -40,7 +40,7 @@ def place(jobs: tuple[Job, ...], job: Job, now: float) -> Fact:
         return fact(Kind.BEGINS_IN, early_s)
     if not before:
         return fact(Kind.IS_NEXT)
-    why = (words.about(Kind.COMES_BEFORE, one, fact(_first_as(one, job))) for one in before)
+    why = (messages.about(Kind.COMES_BEFORE, one, fact(_first_as(one, job))) for one in before)
     return fact(Kind.TASKS_BEFORE, len(before), *why)
 
 

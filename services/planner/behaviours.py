@@ -15,7 +15,8 @@ from companion.design import AgentName
 from companion.languages import hfsm, wm
 from companion.languages.facts import Fact, Kind, fact
 from fipa_codec.performatives import Performative
-from services.planner import local, words
+from services.planner import local
+from services.planner import outgoing_messages as messages
 from services.planner.local import Answer, Ask, Begin, Died, Found, Stop
 from services.planner.memory import CONDITIONS, Memory, Problem, Soft
 
@@ -49,7 +50,7 @@ def _heard(memory: Memory, turn: Turn) -> Memory:
     """Take messages in any state: agree to a request and queue it, answer a cancel at once."""
     match turn.event:
         case Received(content=hfsm.GroundTaskNetwork() as network) as received:
-            words.agree(turn, received.conversation, network)
+            messages.agree(turn, received.conversation, network)
             return replace(memory, waiting=(*memory.waiting, Problem(received.conversation, network)))
         case Received(communicate=word) as received if word.performative is Performative.CANCEL:
             return _cancelled(memory, turn, received.conversation)
@@ -62,7 +63,7 @@ def _heard(memory: Memory, turn: Turn) -> Memory:
 def _cancelled(memory: Memory, turn: Turn, conversation: str) -> Memory:
     known = (*memory.waiting, *((memory.problem,) if memory.problem else ()))
     network = next(one.network.id for one in known if one.conversation == conversation)
-    words.cancelled(turn, conversation, network)
+    messages.cancelled(turn, conversation, network)
     return _forgotten(memory, conversation)
 
 
@@ -102,12 +103,12 @@ def _begin_again(memory: Memory, turn: Turn) -> Memory:
 
 def _drop(memory: Memory, turn: Turn) -> Memory:
     assert memory.problem is not None
-    return _ask(memory, turn, words.drop(memory.problem))
+    return _ask(memory, turn, messages.drop(memory.problem))
 
 
 def _ask(memory: Memory, turn: Turn, query: wm.AnyQuery) -> Memory:
     assert memory.problem is not None
-    return replace(memory, soft=replace(memory.soft, question=words.ask(turn, memory.problem, query)))
+    return replace(memory, soft=replace(memory.soft, question=messages.ask(turn, memory.problem, query)))
 
 
 def _unanswered(memory: Memory, turn: Turn) -> Memory:
@@ -182,7 +183,7 @@ def answer_problem(memory: Memory, turn: Turn) -> Memory:
     if memory.soft.question:
         turn.drop(memory.soft.question)
     if turn.holds(problem.conversation) and memory.result is not None:
-        words.tell(turn, problem, memory.result)
+        messages.tell(turn, problem, memory.result)
     if not (isinstance(memory.result, hfsm.NoPlan) and memory.result.later):  # later: no state was made, and km is busy
-        words.ask(turn, problem, words.drop(problem), words.DROP_WITHIN_S)
+        messages.ask(turn, problem, messages.drop(problem), messages.DROP_WITHIN_S)
     return Memory(seed=memory.seed, waiting=memory.waiting, attempt=memory.attempt)

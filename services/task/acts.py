@@ -15,7 +15,7 @@ from companion.languages.facts import Facts, Kind, fact
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative
 from services.task.memory import Act, Memory
-from services.task.words import known_after, observations, subject
+from services.task.outgoing_messages import known_after, observations, subject
 
 OBSERVER = AgentName.KM
 AGREE_WITHIN_S = 60.0  # estimate: ex computes a skill in seconds; a path that it plans itself takes longer

@@ -21,7 +21,7 @@ from fipa_codec.performatives import Performative
 from services.task import acts, running, stepping
 from services.task import plan as plans
 from services.task.memory import CONDITIONS, Memory
-from services.task.words import SURVEY
+from services.task.outgoing_messages import SURVEY
 
 SURVEYS = 3  # tries of a look around; estimate: ex may still be starting at the first
 AGAIN_S, AGAIN = 2.0, "survey again"

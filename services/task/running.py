@@ -20,7 +20,7 @@ from fipa_codec.performatives import Performative
 from services.task import acts, orders
 from services.task import plan as plans
 from services.task.memory import Memory, Pending, Soft, way_to_safety
-from services.task.words import SURVEY, ill, not_checked
+from services.task.outgoing_messages import SURVEY, ill, not_checked
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
 WHY_BYTES = 200  # of a report on the way, which must stay within its 400 bytes with its place

@@ -17,7 +17,7 @@ from companion.languages import rc, wm
 from companion.languages.cmd import TaskReport
 from companion.languages.facts import Facts, Kind, fact, with_reasons
 from companion.languages.values import Pose
-from services.coordinator import words
+from services.coordinator import outgoing_messages
 from services.executor.local import Ended, Felt, Move, Perform
 from services.knowledge import behaviours as knowledge
 from services.knowledge.observe import observed
@@ -104,7 +104,7 @@ def test_a_look_around_of_minutes() -> None:
     assert fleet.wires.now - began > 120.0
     assert fleet.finish() == ["done"]
     told = [one.why for one in reports(fleet)]
-    assert told.count((fact(Kind.PLAN, 1, words.LOOKS),)) == 1
+    assert told.count((fact(Kind.PLAN, 1, outgoing_messages.LOOKS),)) == 1
     assert told.count((fact(Kind.PLAN, 1),)) == 1, "what waited for the look around is no further plan"
     fleet.close()
 

@@ -20,7 +20,7 @@ from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind
 from companion.tasks.pour.done import Pour, PourClaim, PourKind
 from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
-from services.task import acts, behaviours, words
+from services.task import acts, behaviours, outgoing_messages
 from services.task.memory import Act, Memory
 
 ARRIVED = (Evidence(PourClaim.ARRIVED, "bowl_1", (Sense.EYES,), 3.0),)
@@ -319,7 +319,7 @@ FEELS_NOTHING = fact(Kind.ILL, rc.Sensor.LEFT_WRIST, rc.Fault.ZERO, 0.0)
 @pytest.mark.parametrize("fault", rc.Fault)
 def test_each_fault_of_each_sense_is_told(sense: rc.Sensor, fault: rc.Fault) -> None:
     """Of which some never come together; with the number of an offset."""
-    told = words.ill(rc.Done("act", BODY, ill=(rc.Ill(sense, fault, 0.05),)))  # type: ignore[arg-type]
+    told = outgoing_messages.ill(rc.Done("act", BODY, ill=(rc.Ill(sense, fault, 0.05),)))  # type: ignore[arg-type]
     assert told == (fact(Kind.ILL, sense, fault, 0.05),)
 
 

@@ -15,7 +15,7 @@ from companion.languages.values import Pose, Side
 from companion.tasks.pour.done import Pour
 from fipa_codec.performatives import Performative as P
 from services.executor import behaviours
-from services.executor.words import wrong
+from services.executor.outgoing_messages import wrong
 
 MOVE = rc.MoveJoint("m1", Side.LEFT, ((0.0,) * 8,), 0.3)
 GRASP = rc.Grasp("g1", Side.LEFT, "jar_1", "g", (rc.ApproachPoint(Pose((0.0, 0.0, 0.0)), 0.5),), 0.1, 0.3, 0.2)
