@@ -19,7 +19,7 @@ from fipa_codec.performatives import Performative as P
 from services.coordinator import outgoing_messages as messages
 from services.coordinator.incoming import RULE, leave, not_answering, requeued, suspend, take
 from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, parameters_wanted, turn_come
-from services.coordinator.offers import comparing, decided, offer, place
+from services.coordinator.queue import comparing, decided, offer, place
 from services.coordinator.scheduling import RULES
 
 
@@ -33,9 +33,9 @@ def await_trigger(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
 def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     """State procReq: agree to a command and queue it, or refuse it."""
     for job in memory.arrived:
-        why_not = _why_not(memory, turn, limits)
-        if why_not:
-            turn.say(job.conversation, P.REFUSE, messages.report(TaskState.FAILED, why_not))
+        if memory.loose or len(memory.jobs) >= limits.waiting:
+            why = not_answering(memory, turn) if memory.loose else (fact(Kind.TASKS_OPEN, len(memory.jobs)),)
+            turn.say(job.conversation, P.REFUSE, messages.report(TaskState.FAILED, why))
             continue
         if job.command.start > turn.now:
             job = replace(job, stage=Stage.EARLY)
@@ -43,14 +43,6 @@ def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
         memory = requeued(replace(memory, jobs=(*memory.jobs, job)), turn, limits)
         turn.say(job.conversation, P.AGREE, messages.report(TaskState.WAITING, (place(memory.jobs, job, turn.now),)))
     return replace(memory, arrived=())
-
-
-def _why_not(memory: Memory, turn: Turn, limits: Limits) -> Facts:
-    if memory.loose:
-        return not_answering(memory, turn)
-    if len(memory.jobs) >= limits.waiting:
-        return (fact(Kind.TASKS_OPEN, len(memory.jobs)),)
-    return ()
 
 
 def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
@@ -69,11 +61,6 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
     if (asked := next((one for one in memory.jobs if one.stage is Stage.WAITING and one.talk), None)) is not None:
         turn.say(asked.talk, P.CANCEL, reply_by_s=limits.cancel_planning_s)
         return memory.with_job(replace(asked, recalled=True))
-    return _planned(memory, turn, job, limits)
-
-
-def _planned(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
-    """Request the plan of the task whose turn it is."""
     chosen = _chosen(memory, turn, job, limits) if not job.begun else ()
     job = replace(job, plans=job.plans + 1, aside=False)
     talk = _asked(turn, job, limits)
@@ -84,13 +71,13 @@ def _planned(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
 
 def _asked(turn: Turn, job: Job, limits: Limits) -> str:
-    """Return the conversation in which pl is asked for the plan of a task."""
+    """Ask pl for the plan of a task; the conversation."""
     network, patience_s = messages.network(job), limits.planning_s
     return turn.open(AgentName.PL, "request", P.REQUEST, network, reply_by_s=patience_s, parent=job.conversation)
 
 
 def _chosen(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Facts:
-    """Return why this task is the next one, where it passes one that came before it; () else. Logged with the rule."""
+    """Why this task is the next one, where it passes one that came before it; () else. Logged with the rule."""
     waiting = [one for one in memory.jobs if one.waits]
     if job.arrived <= min(one.arrived for one in waiting):
         return ()
@@ -144,13 +131,8 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
 
 
 def agent(limits: Limits | None = None) -> Agent[Memory]:
-    """Return the agent co."""
-    kept = limits or Limits()
+    states = (await_trigger, process_request, compute_schedule_parameters, schedule, switch_plan)
     behaviours: dict[str, Transition[Memory]] = {
-        "await_trigger": partial(await_trigger, limits=kept),
-        "process_request": partial(process_request, limits=kept),
-        "compute_schedule_parameters": partial(compute_schedule_parameters, limits=kept),
-        "schedule": partial(schedule, limits=kept),
-        "switch_plan": partial(switch_plan, limits=kept),
+        state.__name__: partial(state, limits=limits or Limits()) for state in states
     }
     return bind(AgentName.CO, Memory(), behaviours, CONDITIONS)

@@ -24,25 +24,24 @@ LOOKS = (fact(Kind.LOOKS_FIRST),)
 
 
 def network(job: Job) -> hfsm.GroundTaskNetwork:
-    """Return the task network of a command, named by task and number of the plan."""
+    """The task network of a command, named by task and number of the plan."""
     return hfsm.GroundTaskNetwork(f"{job.conversation}-plan{job.plans}", (job.meant or job.command.task,))
 
 
 def report(state: TaskState, why: Facts, known: tuple[Evidence, ...] = ()) -> TaskReport:
-    """Return a report with as many of the reasons, then of the evidence, as there is room for."""
+    """A report with as many of the reasons, then of the evidence, as there is room for."""
     told = facts.fitting(facts.different(why), MOST_BYTES)
     room = MOST_BYTES - len(msgspec.msgpack.encode(told))
     return TaskReport(state, told, evidence=evidence.fitting(known, room))
 
 
 def about(kind: Kind, job: Job, *why: Fact) -> Fact:
-    """Return a fact about a task."""
     task = job.command.task
     return fact(kind, task.name, *filter(None, task.arguments), *why)
 
 
 def steps(plan: hfsm.HierarchicalPlan) -> tuple[Step, ...]:
-    """Return what a plan does one after the other, as a person follows it: the parts with acts; cut to the budget."""
+    """What a plan does one after the other, as a person follows it: the parts with acts; cut to the budget."""
     found = [state.step for state in plan.root.states if isinstance(state, hfsm.Machine) and state.step is not None]
     while len(msgspec.msgpack.encode(found)) > LONGEST_STEPS:
         found.pop()

@@ -55,11 +55,14 @@ def await_message(memory: Memory, turn: Turn) -> Memory:
         case Received(content=content) as received if isinstance(content, QUERIES):
             return _soft(memory, question=Question(received.conversation, content))
         case Received(content=content) as received if isinstance(content, OBSERVATIONS):
-            return _noted(memory, turn, received, content)
+            if (parsed := parse_observation(received.communicate.id)) is not None:
+                return _soft(memory, news=News(content, parsed[1], turn.now))
+            turn.log("observation without a version", level="warning", id=received.communicate.id)
+            return memory
         case PeerChanged(agent=agent, incarnation=incarnation) if agent == OBSERVER:
             return _alone(memory, turn) if incarnation is None else _met(memory, turn, incarnation)
-        case Received(communicate=word) as received if received.conversation == memory.soft.subscription:
-            return (_agreed if word.performative is Performative.AGREE else _declined)(memory, turn)
+        case Received(communicate=message) as received if received.conversation == memory.soft.subscription:
+            return (_agreed if message.performative is Performative.AGREE else _declined)(memory, turn)
         case Broken(conversation=conversation) if conversation == memory.soft.subscription:
             return _declined(memory, turn)
         case Woken(name=name):
@@ -127,14 +130,6 @@ def _declined(memory: Memory, turn: Turn) -> Memory:
 # --- what was taken ---------------------------------------------------------------------------------------------------
 
 
-def _noted(memory: Memory, turn: Turn, received: Received, content: wm.AnyObservation) -> Memory:
-    parsed = parse_observation(received.communicate.id)
-    if parsed is None:
-        turn.log("observation without a version", level="warning", id=received.communicate.id)
-        return memory
-    return _soft(memory, news=News(content, parsed[1], turn.now))
-
-
 def answer_question(memory: Memory, turn: Turn) -> Memory:
     """State questionAnswering: answer from the scene and the hypothetical states, or "later"."""
     question = memory.soft.question
@@ -152,7 +147,7 @@ def answer_question(memory: Memory, turn: Turn) -> Memory:
 
 
 def answer(memory: Memory, query: wm.AnyQuery) -> tuple[Overlays, wm.AnyAnswer]:
-    """Return the hypothetical states after the query, and the answer; why, if nothing was seen."""
+    """The hypothetical states after the query, and the answer; why, if nothing was seen."""
     if memory.patient:
         return memory.soft.overlays, outgoing_messages.NOT_YET
     if memory.blind and not memory.scene.things and isinstance(query, wm.ListObjects):

@@ -15,12 +15,11 @@ DROP_WITHIN_S = 5.0  # if the drop is lost, km forgets the oldest states by itse
 
 
 def agree(turn: Turn, conversation: str, network: hfsm.GroundTaskNetwork) -> None:
-    """Agree to plan a network."""
     turn.say(conversation, Performative.AGREE, hfsm.Taken(network.id))
 
 
 def tell(turn: Turn, problem: Problem, result: hfsm.HierarchicalPlan | hfsm.NoPlan) -> None:
-    """Tell the plan, or why there is none."""
+    """Send the plan, or why there is none."""
     found = isinstance(result, hfsm.HierarchicalPlan)
     turn.say(problem.conversation, Performative.INFORM if found else Performative.FAILURE, result)
 
@@ -35,11 +34,11 @@ def cancelled(turn: Turn, conversation: str, network: str) -> None:
 
 
 def ask(turn: Turn, problem: Problem, query: wm.AnyQuery, within_s: float = ANSWER_WITHIN_S) -> str:
-    """Ask km for a problem; return the conversation in which the answer comes, if it does within `within_s` [s]."""
+    """Ask km for a problem; the conversation in which the answer comes, if it does within `within_s` [s]."""
     asked = Performative.QUERY_REF
     return turn.open(AgentName.KM, "query", asked, query, reply_by_s=within_s, parent=problem.conversation)
 
 
 def drop(problem: Problem) -> wm.DropStates:
-    """Return the query that drops all hypothetical states of a problem."""
+    """The query that drops all hypothetical states of a problem."""
     return wm.DropStates(prefix=f"{problem.network.id}/")

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from companion.languages import rc, rs, wm
+from companion.languages import rc, wm
 from companion.languages.evidence import Claim, Evidence, Sense, newest, unchecked
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Side
@@ -40,35 +40,32 @@ def observations(outcome: rc.Done | rc.NotDone, known: tuple[Evidence, ...] = ()
 
 
 def known_after(known: tuple[Evidence, ...], outcome: rc.Done | rc.NotDone) -> tuple[Evidence, ...]:
-    """Return what is known after an act. A thing that stands where it was put is checked by any act that sees it: ex
+    """The evidence after an act. An object that stands where it was put is checked by any act that sees it: ex
     would have told that it fell over or is elsewhere. Whether a hand holds what its wrist does not feel is not checked.
     """
     held = {name for name, _, _ in outcome.held.values()}
     put = {one.of for one in known if one.claim is Claim.STANDS}
     seen = (one for one in outcome.seen if one.object in put and one.object not in held)
-    stands = (Evidence(Claim.STANDS, one.object, (Sense.EYES,), one.at, _within(one)) for one in seen)
+    within = {one.object: one.uncertainty.deviation if one.uncertainty else 0.0 for one in outcome.seen}
+    stands = (Evidence(Claim.STANDS, one.object, (Sense.EYES,), one.at, within[one.object]) for one in seen)
     if isinstance(outcome, rc.Done):
         return newest((*known, *stands), outcome.evidence, held)
     doubted = (Evidence(Claim.HELD, one.things[0]) for one in outcome.why if one.kind is Kind.WRIST_DOUBTED)
     return newest(known, doubted, held)
 
 
-def _within(seen: rs.Seen) -> float:
-    return 0.0 if seen.uncertainty is None else seen.uncertainty.deviation
-
-
 def not_checked(known: tuple[Evidence, ...]) -> Facts:
-    """Return what no sense has told."""
+    """Claims that no sense has checked."""
     return tuple(fact(Kind.NOT_CHECKED, one.claim, one.of) for one in unchecked(known))
 
 
 def ill(outcome: rc.Done | rc.NotDone) -> Facts:
-    """Return which sensors are faulty, and how."""
+    """The faulty sensors, and how they are faulty."""
     return tuple(fact(Kind.ILL, one.sense, one.fault, one.off) for one in outcome.ill)
 
 
 def subject(observation: wm.AnyObservation) -> str:
-    """Return the subject of an observation; the newest one of a subject replaces the older ones."""
+    """The subject of an observation; the newest one of a subject replaces the older ones."""
     if isinstance(observation, wm.NothingSeen):
         return "look"
     if isinstance(observation, wm.WorldLost):

@@ -16,7 +16,7 @@ from companion.languages.cmd import TaskState
 from companion.tools.system import JOB, PROCESSES
 from services.human_interface.grammar import understand
 from services.human_interface.local import Answer, CancelWanted, Said
-from services.knowledge import store_device
+from services.knowledge.store import device_at
 
 MODULES = {one.name: f"{one.module}.behaviours" for one in PROCESSES if one.name in DESIGN.agents}
 NAMES = tuple(DESIGN.agents)
@@ -57,7 +57,7 @@ class Fleet:
         devices = {
             "hi": lambda post: self.person,
             "pl": search or (lambda post: Script(post, self.asked)),
-            "km": store_device.at(None),
+            "km": device_at(None),
             "ex": robot or self._robot,
         }
         for name in NAMES:

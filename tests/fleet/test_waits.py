@@ -6,7 +6,7 @@ from scripted_search import Script
 from agent_runtime.testing.wires import Point
 from companion.languages import wm
 from companion.languages.facts import Facts, Kind, fact
-from services.planner.local import Answer, Begin, Died
+from services.planner.device_messages import Answer, Begin, Died
 
 
 def why(fleet: Fleet) -> Facts:

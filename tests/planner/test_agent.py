@@ -15,9 +15,9 @@ from companion.languages import hfsm, wm
 from companion.languages.facts import Kind, fact
 from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours as knowledge
-from services.knowledge import store_device
+from services.knowledge.store import device_at
 from services.planner import behaviours
-from services.planner.local import Answer, Ask, Begin, Found, Local, Stop
+from services.planner.device_messages import Answer, Ask, Begin, Found, Local, Stop
 from services.planner.search_device import SearchDevice
 
 
@@ -42,7 +42,7 @@ class Scene:
         self.asked: list[Any] = []
         self.wires.add(partner("co", self.heard), wiring("co", "test"))
         self.wires.add(behaviours.agent(), wiring("pl", "test"), lambda post: search(post, self.asked))
-        self.wires.add(knowledge.agent(), wiring("km", "test"), store_device.at(None))
+        self.wires.add(knowledge.agent(), wiring("km", "test"), device_at(None))
         self.wires.run_for(settle_s)
 
     def ask(self, name: str) -> None:

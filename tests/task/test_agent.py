@@ -21,7 +21,7 @@ from companion.tasks.pour.done import Pour, PourClaim, PourKind
 from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
 from services.task import acts, behaviours, outgoing_messages
-from services.task.memory import Act, Memory
+from services.task.memory import Memory, RunningAct
 
 ARRIVED = (Evidence(PourClaim.ARRIVED, "bowl_1", (Sense.EYES,), 3.0),)
 PUT = Evidence(Claim.STANDS, "jar_1")
@@ -420,7 +420,7 @@ def test_a_look_around_whose_end_crosses_the_cancel_is_tried_again() -> None:
 
 def test_what_was_cancelled_is_not_cancelled_again() -> None:
     """ex agreed while the cancel was on its way, and its time passes again: nothing more is said to it."""
-    memory = Memory(act=Act("ta-1-1", HOME, agreed=True, stopped=True))
+    memory = Memory(act=RunningAct("ta-1-1", HOME, agreed=True, stopped=True))
     turn: Any = SimpleNamespace(event=Woken(acts.PATIENCE), say=lambda *_: pytest.fail("a second cancel"))
     assert not acts.overdue(memory, turn)
     assert acts.stop(memory, turn) is memory

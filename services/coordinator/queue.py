@@ -1,4 +1,4 @@
-"""Offers of co's tasks to its scheduler, the resulting queue, and its decisions. Must not know: messages."""
+"""The queue of co: what its tasks offer to the scheduler, their order, and decisions. Must not know: messages."""
 
 import math
 from collections.abc import Iterable
@@ -15,15 +15,15 @@ PLAN_S = 6.0  # [s] of wall time to make a plan, on two cores (measured)
 
 
 def comparing(rule: Rule, waiting: Iterable[Job]) -> Rule:
-    """Return the rule by which tasks that wait are compared: by costs only where those of all are known."""
+    """The rule by which tasks that wait are compared: by costs only where those of all are known."""
     return by_deadline if rule is by_costs and not all(job.schedule for job in waiting) else rule
 
 
 def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: float = 1.0) -> tuple[Job, ...]:
-    """Return the tasks in the order in which they are done: what has begun, then by the rule [now: unix s], then those
+    """The tasks in the order in which they are done: what has begun, then by the rule [now: unix s], then those
     whose time to start has not come.
 
-    Two that name the same thing, or were said in one sentence, keep their order, unless the later one is more urgent.
+    Two that name the same object, or were said in one sentence, keep their order, unless the later one is more urgent.
     """
     begun = tuple(job for job in jobs if job.begun)
     early = sorted((job for job in jobs if job.stage is Stage.EARLY), key=lambda job: job.command.start)
@@ -34,7 +34,7 @@ def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: floa
 
 
 def place(jobs: tuple[Job, ...], job: Job, now: float) -> Fact:
-    """Return the place of a task in the queue, and why each one before it comes first [now: unix s]."""
+    """The place of a task in the queue, and why each one before it comes first [now: unix s]."""
     early_s, before = job.command.start - now, jobs[: jobs.index(job)]
     if early_s > 0.0:
         return fact(Kind.BEGINS_IN, early_s)
@@ -45,7 +45,7 @@ def place(jobs: tuple[Job, ...], job: Job, now: float) -> Fact:
 
 
 def _first_as(one: Job, job: Job) -> Kind:
-    """Return why a task comes before another one."""
+    """Why a task comes before another one."""
     if one.begun:
         return Kind.UNDER_WAY
     if one.command.urgency > job.command.urgency:
@@ -56,8 +56,8 @@ def _first_as(one: Job, job: Job) -> Kind:
 
 
 def offer(job: Job, jobs: tuple[Job, ...], speed: float = 1.0) -> Offer:
-    """Return what a task offers, in seconds of wall time; one that waits is planned first."""
-    earlier = tuple(one for one in jobs[: jobs.index(job)] if one.stage is not Stage.EARLY)
+    """What a task offers, in seconds of wall time; one that waits is planned first."""
+    earlier = (one for one in jobs[: jobs.index(job)] if one.stage is not Stage.EARLY)
     after = tuple(one.conversation for one in earlier if comes_after(job, one))
     known, planning = job.parameters, PLAN_S if job.stage is Stage.WAITING else 0.0
     return Offer(
@@ -74,33 +74,29 @@ def offer(job: Job, jobs: tuple[Job, ...], speed: float = 1.0) -> Offer:
 
 
 def decided(memory: Memory, now: float, rule: Rule, speed: float) -> Memory:
-    """Return the memory with the decision between the task that runs, or could, and those that wait.
+    """The memory with the decision between the task that runs, or could, and those that wait.
 
     One whose parameters are not known is weighed only where it is more urgent.
     """
     running = memory.first
     assert running is not None
-    rivals = tuple(
-        (at, job)
+    runs = running.stage is not Stage.PLANNED
+    rivals = [
+        job
         for at, job in enumerate(memory.jobs)
         if job.waits
-        and (job.command.urgency > running.command.urgency or (job.schedule and not bound(memory.jobs, at)))
-    )
-    if running.stage is Stage.PLANNED:
-        rivals = tuple(pair for pair in rivals if pair[1].command.urgency > running.command.urgency)
-    offers = tuple(offer(job, memory.jobs, speed) for _, job in rivals)
+        and (job.command.urgency > running.command.urgency or (runs and job.schedule and not bound(memory.jobs, at)))
+    ]
+    offers = tuple(offer(job, memory.jobs, speed) for job in rivals)
     decision = rule(offer(running, memory.jobs, speed), offers, now)
     jobs = tuple(replace(job, weighed=job.weighed or (job.waits and bool(job.schedule))) for job in memory.jobs)
     return replace(memory, jobs=jobs, decision=decision if rivals else None)
 
 
 def first_in(jobs: tuple[Job, ...], decision: Decision | None) -> tuple[Job, ...]:
-    """Return the queue with the task first for which another one was left, unless a more urgent one waits meanwhile."""
-    rival = next((job for job in jobs if decision is not None and job.conversation == decision.task), None)
-    if (
-        rival is None
-        or not rival.waits
-        or rival.command.urgency < max(job.command.urgency for job in jobs if job.waits)
-    ):
+    """The queue with the task first for which another one was left, unless a more urgent one waits meanwhile."""
+    waiting = [job for job in jobs if job.waits]
+    rival = next((job for job in waiting if decision is not None and job.conversation == decision.task), None)
+    if rival is None or any(one.command.urgency > rival.command.urgency for one in waiting):
         return jobs
     return (rival, *(job for job in jobs if job is not rival))

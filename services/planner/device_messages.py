@@ -1,6 +1,6 @@
 """Messages between pl and its search process. None is a communicate, none leaves the computer.
 
-A message names the attempt it belongs to: what a killed process had said before is not taken for part of the next one.
+A message names the attempt that it belongs to, so that messages of a killed process are not taken for the next one's.
 """
 
 import msgspec
@@ -15,14 +15,14 @@ class Message(msgspec.Struct, frozen=True, tag=True):
 
 
 class Begin(Message, frozen=True):
-    """Search a plan for this network; `seed` of the random numbers."""
+    """Search for a plan of this network; `seed` of the random numbers."""
 
     network: hfsm.GroundTaskNetwork
     seed: int
 
 
 class Stop(Message, frozen=True):
-    """Stop: the plan is not wanted any more."""
+    """The plan is not wanted any more."""
 
 
 class Answer(Message, frozen=True):
@@ -38,13 +38,13 @@ class Ask(Message, frozen=True):
 
 
 class Found(Message, frozen=True):
-    """What the search found, as co is told it: a plan, or why there is none."""
+    """The end of a search, as co is told it: a plan, or why there is none."""
 
     plan: hfsm.HierarchicalPlan | hfsm.NoPlan
 
 
 class Died(msgspec.Struct, frozen=True, tag=True):
-    """The child ended by itself, and why."""
+    """The child process ended by itself, and why."""
 
     reason: str
 
