@@ -22,6 +22,10 @@ FAULTS_FILE = "faults.jsonl"
 OFF_SUFFIX = ".off"  # <name>.off: the supervisor keeps this process down as long as the file is there
 
 
+class NothingToRead(Exception):
+    """There is nothing to work on where it was looked for; the message says what would be right."""
+
+
 class _Line(msgspec.Struct, frozen=True, tag_field="kind", tag=True, omit_defaults=True):
     """One line of live.jsonl, written by the monitor. `t`: unix time [s]."""
 

@@ -5,7 +5,7 @@ import pytest
 from msgspec.structs import replace
 from partners_of_co import BUSY, CANCELLED, SLIPS, UNREACHED, Scene, a_plan, no_plan, refuse_plans, stop_planning
 
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 from companion.design import AgentName
 from companion.languages import cmd, hfsm
 from companion.languages.facts import Kind, fact

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 from pretended_fleet import NAMES, POUR, Fleet, Heard
 
-from agent_runtime.testing.wires import LATENCY_S
+from agent_runtime.testing.memory_bus import LATENCY_S
 from companion.all_languages import RC
 from fipa_codec.communicate import Communicate
 

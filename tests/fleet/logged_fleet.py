@@ -14,7 +14,8 @@ from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
 from agent_runtime.io.steplog import StepLog, noted
 from companion.tools.system import SYSTEM
-from operate.recording import reasons, traced
+from operate.recording import reasons
+from operate.recording.run import Run
 from operate.tracing.reasons import Why
 
 APART_S = 1e-7
@@ -57,12 +58,12 @@ class LoggedFleet(Fleet):
     def reasons(self, about: str = "") -> Why:
         """The reasons of a task, or of the newest one."""
         self.flush()
-        return reasons.of(self.run, SYSTEM, about)
+        return reasons.of(Run(self.run, SYSTEM), about)
 
-    def traced(self) -> traced.Run:
-        """The trace of all that was said so far."""
+    def traced(self) -> Run:
+        """The run as far as it has gone."""
         self.flush()
-        return traced.of(self.run, SYSTEM)
+        return Run(self.run, SYSTEM)
 
     def flush(self) -> None:
         """Write what was logged so far."""

@@ -16,7 +16,7 @@ from agent_runtime.core.control import SetParameter
 from agent_runtime.core.effects import Deed, Effects
 from agent_runtime.core.step import OUTSIDE
 from agent_runtime.io.devices import DeviceMaker, Post
-from agent_runtime.testing.wires import Faults, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from companion.all_languages import LANGUAGES, SW
 from companion.autonomy import LEVEL, STEP, Level, Verb, Word
 from companion.binding import wiring
@@ -67,7 +67,7 @@ class Fleet:
         search: DeviceMaker | None = None,
         robot: DeviceMaker | None = None,
     ) -> None:
-        self.wires = Wires(seed=seed, faults=faults)
+        self.wires = MemoryBus(seed=seed, faults=faults)
         self.world, self.person = World(), Person()
         self.asked: list[wm.AnyQuery] = []
         self.deeds: list[tuple[str, Deed]] = []

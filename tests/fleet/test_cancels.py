@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from pretended_fleet import Fleet
 
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 
 LONGEST_S = 45.0  # the story takes about this long in virtual time
 Some = Callable[[Any, int], list[Any]]

@@ -12,7 +12,7 @@ import pytest
 from boundaries import Ending, Side
 from pretended_fleet import FINAL, NAMES, Fleet
 
-from agent_runtime.testing.wires import Faults, Point
+from agent_runtime.testing.memory_bus import Faults, Point
 from companion.languages.facts import Kind
 
 Some = Callable[[Any, int], list[Any]]

@@ -12,7 +12,7 @@ from pretended_robot import Robot, World
 
 from agent_runtime.core.events import PeerChanged
 from agent_runtime.io.devices import Post
-from agent_runtime.testing.wires import Faults, Point
+from agent_runtime.testing.memory_bus import Faults, Point
 from companion.all_languages import CMD, WM
 from companion.languages import rc, wm
 from companion.languages.cmd import TaskReport

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from pretended_fleet import FINAL, Fleet
 
-from agent_runtime.testing.wires import Faults, Point
+from agent_runtime.testing.memory_bus import Faults, Point
 from services.human_interface.grammar import understand
 from services.human_interface.local import CancelWanted, Said, Told
 

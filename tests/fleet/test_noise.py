@@ -14,7 +14,7 @@ from companion.tools.live import Live
 from companion.tools.report import report
 from companion.tools.system import JOB, SYSTEM
 from operate.cli.faults.moments import Event, InPlan, parse
-from operate.recording import history
+from operate.recording.run import opened
 from operate.run_folder import Happened, LiveLine
 from services.human_interface import offers
 from services.page.view import Heard, View, view
@@ -84,7 +84,7 @@ def story(run: Path, *, missing: bool) -> Story:
     fleet.say("why did it fail")
     fleet.until(fleet.at_rest)
     why = [(one.title, len(one.facts)) for one in fleet.reasons(fleet.tasks[-1].task).passages]
-    past, live = history.of(run, SYSTEM), Live()
+    past, live = opened(run, SYSTEM).history, Live()
     made = msgspec.to_builtins(report.build(past))
     lines = [msgspec.structs.replace(line, text="") if isinstance(line, Happened) else line
              for one in past.said for line in live.lines(one)]  # fmt: skip

@@ -11,7 +11,7 @@ from pretended_fleet import Fleet
 
 from agent_runtime.core.effects import Deed
 from agent_runtime.io.steplog import deeds
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 from companion.autonomy import WAIT_S, Level, Verb
 from companion.design import DESIGN
 from topdown.prove.paths import Follower

@@ -11,8 +11,8 @@ from agent_runtime.core.events import Received
 from agent_runtime.core.state import Record
 from agent_runtime.core.streams import OUTBOX_BOUND
 from agent_runtime.core.wiring import Delivery
-from agent_runtime.testing.stand_in import _record
-from agent_runtime.testing.wires import Faults, Point
+from agent_runtime.impersonation import _record
+from agent_runtime.testing.memory_bus import Faults, Point
 from companion.binding import wiring
 from companion.design import DESIGN
 from companion.languages import wm

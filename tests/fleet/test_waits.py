@@ -3,7 +3,7 @@
 from pretended_fleet import Fleet
 from scripted_search import Script
 
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 from companion.languages import wm
 from companion.languages.facts import Kind, fact
 from services.planner.device_messages import Answer, Begin, Died

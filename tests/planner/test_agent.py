@@ -8,7 +8,7 @@ import pytest
 from scripted_partner import Open, Say, partner
 from scripted_search import Script, look, plan_of
 
-from agent_runtime.testing.wires import Wires
+from agent_runtime.testing.memory_bus import MemoryBus
 from companion.all_languages import LANGUAGES
 from companion.binding import wiring
 from companion.languages import hfsm, wm
@@ -37,7 +37,7 @@ class Scene:
     """pl with the true km, a scripted co and a scripted ta."""
 
     def __init__(self, search: Any, settle_s: float = knowledge.ALONE_S + 1.0) -> None:
-        self.wires = Wires()
+        self.wires = MemoryBus()
         self.heard: list[tuple[int, str, Any]] = []
         self.asked: list[Any] = []
         self.wires.add(partner("co", self.heard), wiring("co", "test"))

@@ -10,7 +10,7 @@ from scripted_partner import Open, Say
 from ta_alone import BODY, CANCELLED, HOME, LOOK, OK, STUCK, Scene, plan
 
 from agent_runtime.core.events import Woken
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 from companion.design import AgentName
 from companion.languages import hfsm, rc, rs, sw, wm
 from companion.languages.evidence import Claim, Evidence, Sense

@@ -16,7 +16,7 @@ from test_over_zenoh import expect
 from toy_fleet import Fleet, wait_for
 
 from agent_runtime.core.wiring import communicate_key
-from agent_runtime.io import issuing, keys
+from agent_runtime.io import issuing
 from agent_runtime.io.secured import AUTHORITY, KeysError, Rights, client_tls, rights_of
 from agent_runtime.io.sessions import client_config, free_endpoint
 from companion.design import DESIGN
@@ -33,19 +33,19 @@ WEEK = dt.timedelta(days=7)
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Keys of the router and of co, and what co once had, will have, or got from another authority."""
     where, now = tmp_path_factory.mktemp("keys"), dt.datetime.now(dt.UTC)
-    issuer = keys.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
-    foreign = keys.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
-    keys.publish(where, issuer, RIGHTS)
-    keys.issue(where, issuer, ROUTER, now, now + WEEK, keys.HOSTS)
-    keys.issue(where, issuer, "co", now, now + WEEK)
+    issuer = issuing.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
+    foreign = issuing.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
+    issuing.publish(where, issuer, RIGHTS)
+    issuing.certify(where, issuer, ROUTER, now, now + WEEK, issuing.HOSTS)
+    issuing.certify(where, issuer, "co", now, now + WEEK)
     for name, begin, by in (
         ("expired", now - 2 * WEEK, issuer),
         ("early", now + WEEK, issuer),
         ("foreign", now, foreign),
     ):
         (where / name).mkdir()
-        keys.publish(where / name, issuer, RIGHTS)
-        keys.issue(where / name, by, "co", begin, begin + WEEK)
+        issuing.publish(where / name, issuer, RIGHTS)
+        issuing.certify(where / name, by, "co", begin, begin + WEEK)
     return where
 
 

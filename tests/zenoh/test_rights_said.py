@@ -16,13 +16,12 @@ from toy_fleet import Fleet as Processes
 from toy_fleet import wait_for
 
 from agent_runtime.core.peers import words
+from agent_runtime.impersonation import StandIn
 from agent_runtime.io import issuing
-from agent_runtime.io.links import Links
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import client_tls, links_file
-from agent_runtime.io.sessions import client_config
-from agent_runtime.testing.stand_in import StandIn
+from agent_runtime.io.sessions import Links, client_config
 from companion.all_languages import LANGUAGES
 from companion.binding import wiring
 from companion.design import DESIGN

@@ -15,11 +15,11 @@ import pytest
 import zenoh
 from guarded import SYSTEM, Guarded
 
+from agent_runtime import impersonation
 from agent_runtime.io import sessions, tap
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import client_config, close, links_config, open_client, router_config
-from agent_runtime.testing import stand_in
 
 pytestmark = pytest.mark.zenoh
 ROOT = Path(__file__).resolve().parents[2]
@@ -121,7 +121,7 @@ def test_whoever_opens_a_session_is_a_client(guarded: Guarded, monkeypatch: pyte
     opened = [
         session,
         tap.open_tap(options, lambda _: None, lambda: False),
-        stand_in.Voice(guarded.endpoint, (), tls=tls["hi"]),
+        impersonation.Voice(guarded.endpoint, (), tls=tls["hi"]),
     ]
     assert len(configs) == len(opened)
     assert sockets() == before

@@ -11,7 +11,17 @@ import msgspec
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
-from operate.recording.records import SETTING, Garbage, House, Origin, Record, Spoken, Token, Unpaired
+from operate.recording.records import (
+    SETTING,
+    Garbage,
+    House,
+    Origin,
+    Record,
+    Spoken,
+    Token,
+    Unpaired,
+    key_of,
+)
 from operate.run_folder import Again, AgentIn, Judged, LiveLine, Sent
 from operate.system import System
 from operate.verdict_lines import line
@@ -23,8 +33,6 @@ HISTORY_S = 0.5
 """A token heard sooner after the recorder began may be of an agent that lived before; estimate: they come in ms."""
 NAMED = ("sender", "receiver", "protocol", "performative", "conversation", "id")
 """Fields by which a verdict names a communicate."""
-SYSTEM = "recorded"
-"""Stands in the keys of records, which do not keep the system's name."""
 
 
 class Judging:
@@ -92,18 +100,6 @@ def _about(one: Spoken | Sent | Unpaired, verdict: Verdict, why: str, **more: An
     """A verdict that is not the judge's about a communicate; `more`: further fields."""
     parts: dict[str, Any] = {name: getattr(one, name) for name in NAMED}
     return Judged(verdict=verdict, why=why, **parts, **more)
-
-
-def key_of(one: Spoken | Sent, form: str, system: str = SYSTEM) -> str:
-    """The key a recorded communicate was put on; `form`: how the design writes keys."""
-    return form.format(
-        system=system,
-        channel=one.channel,
-        sender=one.sender,
-        receiver=one.receiver,
-        protocol=one.protocol,
-        performative=one.performative,
-    )
 
 
 def of_records(records: Iterable[Record], system: System) -> tuple[Judged, ...]:

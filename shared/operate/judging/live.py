@@ -11,11 +11,10 @@ import msgspec
 from agent_runtime.core import peers
 from agent_runtime.core.peers import Unheard
 from fipa_codec.communicate import UNREADABLE
-from operate.recording.fault_file import fault_in
-from operate.recording.records import House, Record, Spoken, Token
+from operate.recording.records import House, Record, Spoken, Token, fault_in
 from operate.run_folder import Again, AgentIn, Happened, LiveLine, Sent
 from operate.system import System
-from topdown.judge.copies import Remembered
+from topdown.judge.conversations import Remembered
 
 KNOWN = 50_000
 """Communicates whose copies are told as such, 10 MB (estimate)."""
@@ -121,7 +120,7 @@ class Live:
         before = self._not_heard.get(beat.agent, ())
         self._not_heard[beat.agent] = beat.unheard
         yield from (
-            Happened(t=t, name="unheard", text=peers.words(beat.agent, one, t))
+            Happened(t=t, name="unheard", text=peers.unheard_text(beat.agent, one, t))
             for one in beat.unheard
             if one not in before
         )

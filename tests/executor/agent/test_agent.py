@@ -7,7 +7,7 @@ import pytest
 from pretended_robot import Robot, World
 from scripted_partner import Open, Say, partner
 
-from agent_runtime.testing.wires import Point, Wires
+from agent_runtime.testing.memory_bus import MemoryBus, Point
 from companion.binding import wiring
 from companion.languages import rc
 from companion.languages.facts import Kind, fact
@@ -25,7 +25,7 @@ class Scene:
     """ex and a scripted ta."""
 
     def __init__(self, looks: bool = False) -> None:
-        self.wires, self.world = Wires(), World()
+        self.wires, self.world = MemoryBus(), World()
         self.heard: list[tuple[int, str, Any]] = []
         self.wires.add(partner("ta", self.heard), wiring("ta", "test"))
 

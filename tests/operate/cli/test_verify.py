@@ -15,8 +15,7 @@ from msgspec.structs import replace
 
 from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.core.events import Arrived
-from agent_runtime.io.step_replay import Parted, Put
-from agent_runtime.io.steplog import HEAD, fingerprint, read
+from agent_runtime.io.steplog import HEAD, Parted, Put, fingerprint, read
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 from operate.cli.traffic.verify import Kept, first

@@ -16,7 +16,7 @@ from companion.tools.telemetry import robot
 from operate.experiments import make, page, results, summary, tables
 from operate.experiments.results import NothingHere
 from operate.experiments.run_figures import Latency, Result, Spans
-from operate.recording import history
+from operate.recording.run import opened
 from operate.recording.stored import NoRecordingError
 from operate.reports import report
 
@@ -151,7 +151,7 @@ def test_a_recorded_run_fills_every_table() -> None:
 
 def test_a_recording_is_exported_as_tables(tmp_path: Path) -> None:
     """Communicates, events, telemetry: the rows of the recording, the same in both formats."""
-    past = history.of(POUR / "traffic.mcap", SYSTEM)
+    past = opened(POUR / "traffic.mcap", SYSTEM).history
     made = tables.of_history(past, SYSTEM)
     assert {name: table.num_rows for name, table in made.items()} == {
         "communicates": len(past.said), "states": len(report.busy(past)), "events": 19, "telemetry": len(robot(past)),
@@ -173,7 +173,7 @@ def test_what_holds_nothing_is_named(tmp_path: Path) -> None:
     with pytest.raises(NothingHere, match="holds no runs; give an experiment's folder"):
         results.load(tmp_path)
     with pytest.raises(NoRecordingError, match="none is not there; give a run folder, or a recording"):
-        history.of(tmp_path / "none", SYSTEM)
+        opened(tmp_path / "none", SYSTEM)
     with pytest.raises(NothingHere, match="`roco experiment` makes one"):
         make.everything(tmp_path)
     (tmp_path / results.RESULTS_FILE).touch()

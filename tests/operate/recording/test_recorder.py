@@ -16,7 +16,7 @@ import zenoh
 from synthetic import Run
 
 from agent_runtime.io.sessions import client_config, free_endpoint
-from agent_runtime.testing.step_logs import StepLogs
+from agent_runtime.io.steplog import StepLogs
 from fipa_codec.communicate import Communicate, decode
 from operate.pictures.viewer_address import SWITCH
 from operate.recording import mcap_file

@@ -20,6 +20,7 @@ from fipa_codec.communicate import encode
 from operate.recording import history, mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, Origin, Record, Spoken, understood
+from operate.recording.run import Run as RecordedRun
 from operate.reports import make
 
 
@@ -139,7 +140,7 @@ def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_
     part = mcap_file.read(path)
     assert not part.whole
     assert part.records == whole.records[: len(part.records)]
-    assert any("was killed" in hole.text for hole in history.load(tmp_path, SYSTEM).holes)
+    assert any("was killed" in hole.text for hole in RecordedRun(tmp_path, SYSTEM).history.holes)
     if share > 0.9:
         assert len(part.records) > 0.85 * len(whole.records)
 
@@ -158,7 +159,7 @@ def test_a_recorder_that_comes_back_goes_on_where_the_other_died(pouring: Run, t
     for sample in pouring.samples[half:]:
         second.take(sample)
     second.finish()
-    past = history.load(tmp_path, SYSTEM)
+    past = RecordedRun(tmp_path, SYSTEM).history
     assert len(past.said) == len(pouring.said)
     assert past.holes == ()
 
@@ -170,7 +171,7 @@ def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_pa
         recorder.take(sample)
     recorder.finish()
     said: list[str] = []
-    assert make.everything(tmp_path, SYSTEM, lambda event, **_: said.append(event)), said
+    assert make.everything(RecordedRun(tmp_path, SYSTEM), lambda event, **_: said.append(event)), said
     told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
     assert told["success"] is True
     assert told["communicates"]["matrix"]["pl"]["km"] == 342
@@ -184,7 +185,7 @@ def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_pa
 
 def test_an_empty_folder_gives_a_report_that_says_so(tmp_path: Path) -> None:
     """With nothing recorded there is a report without a single figure, and a reason for each."""
-    assert make.everything(tmp_path, SYSTEM, lambda *_, **__: None)
+    assert make.everything(RecordedRun(tmp_path, SYSTEM), lambda *_, **__: None)
     told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
     assert told["success"] is False
     assert told["poured_fraction"] is None

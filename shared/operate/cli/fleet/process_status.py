@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 import msgspec
 
 from agent_runtime.core.control import Answer, Value
-from agent_runtime.core.inside import Inside
+from agent_runtime.io.heartbeat import Inside
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
 
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
@@ -112,6 +112,16 @@ class Row(msgspec.Struct, frozen=True):
     incarnation: int | None
     waiting: int | None
     trouble: str = ""
+
+
+class Info(msgspec.Struct, frozen=True):
+    """`roco agents NAME --format json`: the row, what its heartbeat says, its channels by peer, its last lines."""
+
+    where: str
+    row: Row
+    beat: Beat | None
+    channels: dict[str, str]
+    log: tuple[str, ...]
 
 
 def rows(before: Look, now: Look) -> tuple[Row, ...]:

@@ -1,7 +1,8 @@
-"""`roco report`: the report of a run made again from its recording, and shown. The recorder's own process makes it."""
+"""`roco report`: the report of a run made again from its recording, and shown."""
 
+import shutil
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 import typer
@@ -9,9 +10,13 @@ from rich.console import RenderableType
 from rich.table import Table
 
 from operate.cli import completion
-from operate.cli.analysis import analysed
+from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.terminal.console import Console
+from operate.run_folder import TRAFFIC_FILE
+
+if TYPE_CHECKING:
+    from operate.experiments.measures import Shown
 
 ABSENT = "-"
 
@@ -35,20 +40,49 @@ def report(
       roco report runs/latest/traffic.mcap --format json
     """
     with problems(form):
-        words = ["--out", str(out)] if out else []
-        told = msgspec.json.decode(analysed("again", str(recording), *words, about=recording))
+        from operate.experiments import measures
+        from operate.recording.run import Run, opened
+        from operate.reports import make
+        from operate.reports.report import of
+
+        run, complaints = opened(recording), list[str]()
+
+        def complain(event: str, **fields: object) -> None:
+            if fields.get("level") == "error":
+                complaints.append(f"{event}: {str(fields.get('why', '')).strip().splitlines()[-1]}")
+
+        folder = _target(recording, out)
+        if folder is not None:
+            made = run if folder == recording else Run(folder, run.system)
+            if not make.everything(made, complain):
+                raise ConsoleError(complaints[-1])
+        told = of(run.history, run.system)
         if form is Format.JSON:
-            tell_json(told["report"])
+            tell_json(told)
         else:
-            show(told["report"], told["shown"], told["folder"], Console())
-        if told["report"].get("success") is False:
+            show(msgspec.to_builtins(told), measures.shown(told, measures.of(run.system)), folder, Console())
+        if getattr(told, "success", None) is False:
             raise typer.Exit(1)
 
 
-def show(told: dict[str, Any], shown: list[dict[str, Any]], folder: str | None, console: Console) -> None:
+def _target(place: Path, out: Path | None) -> Path | None:
+    """Return the folder for the files: a run's own, or one that gets the recording, too; None: nowhere."""
+    if out is None:
+        return place if place.is_dir() else None
+    source = place / TRAFFIC_FILE if place.is_dir() else place
+    copy = out / TRAFFIC_FILE
+    if source.is_file() and source.resolve() != copy.resolve():
+        if copy.exists():
+            raise UsageError(f"{out} holds a recording already; give another --out")
+        out.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source, copy)
+    return out
+
+
+def show(told: dict[str, Any], shown: "tuple[Shown, ...]", folder: Path | None, console: Console) -> None:
     """Print for people: the verdict, the figures, what happened when, who told whom.
 
-    `shown`: name, unit and value of each figure that the system has beyond the traffic.
+    `shown`: the figures that the system has beyond the traffic.
     """
     console.print(headline(told), highlight=False)
     for part in (figures(told, shown), *([events(told)] if "events" in told else []), matrix(told)):
@@ -74,11 +108,11 @@ def headline(told: dict[str, Any]) -> str:
 _TRUTH = {None: "", True: "; true", False: "; NOT TRUE"}
 
 
-def figures(told: dict[str, Any], shown: list[dict[str, Any]]) -> RenderableType:
+def figures(told: dict[str, Any], shown: "tuple[Shown, ...]") -> RenderableType:
     """Return the figures of the whole run, and of each plan."""
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     said = told["communicates"]
-    rows = [(one["name"], _number(one["value"], one["unit"])) for one in shown]
+    rows = [(one.name, _number(one.value, one.unit)) for one in shown]
     rows += [
         ("communicates", f"{said['total']}, {sum(said['bytes'].values()) / 1000:.1f} kB, {said['copies']} sent again"),
     ]

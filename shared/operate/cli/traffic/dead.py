@@ -3,11 +3,9 @@
 from datetime import datetime
 from pathlib import Path
 
-import msgspec
 from rich.table import Table
 from rich.text import Text
 
-from operate.cli.analysis import analysed
 from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
@@ -16,8 +14,6 @@ from operate.cli.terminal.console import Console
 from operate.cli.traffic.filter_options import Agents, Recorded, wanted
 from operate.cli.traffic.listen import about
 from operate.run_folder import DeadLetter
-
-_decoder = msgspec.json.Decoder(DeadLetter)
 
 
 def dead(
@@ -39,9 +35,11 @@ def dead(
     """
     with problems(form):
         which = wanted(about(run, run_dir, target).design, None, agent, None, None).agents
-        folder = _folder(run, run_dir, target)
-        lines = analysed("dead", str(folder), about=folder).splitlines()
-    letters = [one for one in map(_decoder.decode, lines) if not which or {one.sender, one.receiver} & {*which}]
+        from operate.recording import dead
+        from operate.recording.run import Run
+
+        found = dead.letters(Run(_folder(run, run_dir, target)))
+    letters = [one for one in found if not which or {one.sender, one.receiver} & {*which}]
     if form is Format.JSON:
         tell_json(letters)
         return

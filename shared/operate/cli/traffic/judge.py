@@ -11,10 +11,12 @@ from rich.text import Text
 
 from operate import verdict_lines
 from operate.cli import completion
+from operate.cli.errors import UsageError
 from operate.cli.output import Form, Format, problems
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.verdicts import JudgeError, judged
+from operate.cli.traffic.verdicts import judged
 from operate.run_folder import Judged
+from operate.system import languages_at, of_design, of_run
 from topdown.judge.verdicts import VIOLATIONS, Verdict
 
 MOST = 40
@@ -53,9 +55,12 @@ def judge(
       roco traffic judge runs/latest/traffic.mcap --format json
     """
     with problems(form):
-        lines = judged(file, design, languages)
+        system = of_run(file) if design is None else of_design(design)
+        if languages:
+            system = msgspec.structs.replace(system, languages=languages_at(languages))
+        lines = judged(file, system)
         if not lines:
-            raise JudgeError(f"{file} has no communicates to judge; give a recording in which agents spoke", usage=True)
+            raise UsageError(f"{file} has no communicates to judge; give a recording in which agents spoke")
     found = summary(lines)
     if form is Format.JSON:
         print(msgspec.json.encode(found).decode())

@@ -23,7 +23,7 @@ from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.output import Form, Format, RunDir, problems, tell_problem
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.conversation import names as conversation_names
+from operate.cli.traffic.subject import names as conversation_names
 from operate.system import System
 from topdown.judge.admission import Admission
 from topdown.model.design import Design, Rule
@@ -37,9 +37,9 @@ from typing import Any
 
 from agent_runtime.core.binding import wiring
 from agent_runtime.core.errors import JournalError
-from agent_runtime.io.links import Links, NoEndpointError
+from agent_runtime.impersonation import StandIn, StandInError, Voice
 from agent_runtime.io.options import LISTEN_VARIABLE, Options
-from agent_runtime.testing.stand_in import StandIn, StandInError, Voice
+from agent_runtime.io.sessions import Links, NoEndpointError
 from fipa_codec.communicate import encode
 from fipa_codec.languages import Kind, Languages
 from fipa_codec.tables import Role

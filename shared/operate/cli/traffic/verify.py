@@ -1,6 +1,6 @@
 """`roco replay RUN --verify`: each agent of a run is run again from its step log, and must put out the same bytes.
 
-Each runs in a process of its own module (agent_runtime.io.step_replay), so any system's agents can. Where a step
+Each runs in a process of its own module (agent_runtime.io.steplog), so any system's agents can. Where a step
 differs, the recorded value is looked up: in the log what was done, in the journal the record, in the recording what
 went by.
 """
@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 import typer
@@ -21,17 +21,18 @@ from rich.table import Table
 
 from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.io.journal import records
-from agent_runtime.io.step_replay import Again, Parted, Put, Word, digest
-from agent_runtime.io.steplog import fingerprint
-from agent_runtime.io.tap import Sample
-from fipa_codec.communicate import UNREADABLE, Communicate, decode
+from agent_runtime.io.steplog import Again, Parted, Put, SentAgain, digest, fingerprint
+from fipa_codec.communicate import Communicate, decode
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.listen import HOUSE, recorded, said
-from operate.cli.traffic.replace import difference, short
+from operate.cli.traffic.play import compared, difference
 from operate.run_folder import FLEET_FILE, STEPS, TRAFFIC_FILE, Fleet
 from operate.system import System, of_run
+
+if TYPE_CHECKING:
+    from operate.recording.records import Garbage
+    from operate.recording.run import Run
 
 # --- First difference in the output of an agent's step that is run again: the field, its old value, its new value
 # The log keeps a hash of a step's output. The journal has the records of the last life, the recording what was sent
@@ -157,76 +158,44 @@ def _worded(one: Communicate) -> dict[str, Any]:
     return told if one.content is msgspec.UNSET else told | {"content": msgspec.msgpack.decode(one.content)}
 
 
-# --- Evidence from a recording about the agents of its run, for comparison with their output when they are run again
-# Of each communicate a digest is kept; the bytes are read a second time where a difference asks for them.
+# --- Evidence from a recording about the agents of its run, for comparison with their output when they are run again --
 
 
-SETTING, RECEIPT = "setting", "receipt"
-"""Kinds of signals: what the fleet was started with, and what an agent has received."""
 NEAR_S = 2.0
 """Time after a step within which its receipts are heard [s]; estimate: it takes milliseconds."""
-
-
-class Setting(msgspec.Struct, frozen=True):
-    """Options with which the fleet was started."""
-
-    seed: int = 1
-    speed: str = "1"
-    scene: str = ""
 
 
 class Evidence:
     """`setting`: of the fleet; `words`: agent -> (receiver, id) -> digests of all that went by under it.
 
-    Without a file there is nothing, and `there` is False.
+    Without a recording there is nothing, and `there` is False.
     """
 
-    def __init__(self, file: Path | None) -> None:
-        self._file, self.setting = file, Setting()
-        self.words: dict[str, dict[tuple[str, str], set[bytes]]] = defaultdict(lambda: defaultdict(set))
-        for sample in self._samples():
-            if kind_of(sample) == SETTING:
-                self.setting = _setting(sample.data)
-            one = _communicate(sample)
-            if one is not None:
-                self.words[one.sender][one.receiver, one.id].add(digest(sample.data))
+    def __init__(self, recording: "Run | None") -> None:
+        from operate.recording.records import Setting, Spoken, communicate_in, setting_in
 
-    @property
-    def there(self) -> bool:
-        """Whether there is a recording."""
-        return self._file is not None
+        self.there, self.setting = recording is not None, Setting(1, "1")
+        self.words: dict[str, dict[tuple[str, str], set[bytes]]] = defaultdict(lambda: defaultdict(set))
+        self._records = () if recording is None else recording.records
+        self._said: list[Communicate] = []
+        for record in self._records:
+            self.setting = setting_in(record) or self.setting
+            if (one := communicate_in(record)) is not None:
+                self._said.append(one)
+                wire = record.wire if isinstance(record, Spoken) else cast("Garbage", record).data
+                self.words[one.sender][one.receiver, one.id].add(digest(wire))
 
     def said(self, agent: str) -> list[Communicate]:
         """Return what went by of an agent, in order, copies too."""
-        return [one for one in map(_communicate, self._samples()) if one is not None and one.sender == agent]
+        return [one for one in self._said if one.sender == agent]
 
     def receipts(self, agent: str, at: float) -> list[Receipt]:
         """Return its receipts that were heard about then, in order."""
-        near = (sample for sample in self._samples() if abs(sample.at - at) < NEAR_S)
-        mine = (one for one in near if kind_of(one) == RECEIPT and one.key.split("/")[-2] == agent)
-        return [msgspec.msgpack.decode(one.data, type=Receipt) for one in mine]
+        from operate.recording.ends import receipts
+        from operate.recording.records import House
 
-    def _samples(self) -> Iterator[Sample]:
-        if self._file is not None:
-            yield from (sample for sample in recorded(self._file, everything=True) if sample is not None)
-
-
-def kind_of(sample: Sample) -> str:
-    """Return the kind of a signal; "" of others."""
-    chunks = sample.key.split("/")
-    return chunks[3] if not sample.token and len(chunks) > 3 and chunks[2] == HOUSE else ""
-
-
-def _communicate(sample: Sample) -> Communicate | None:
-    one = said(sample)
-    return None if one is None else one.communicate()
-
-
-def _setting(data: bytes) -> Setting:
-    try:
-        return msgspec.json.decode(data, type=Setting)
-    except UNREADABLE:
-        return Setting()
+        near = (one for one in self._records if isinstance(one, House) and abs(one.received - at) < NEAR_S)
+        return [one.receipt for one in receipts(near) if one.owner == agent]
 
 
 # --- `roco replay RUN --verify` ---------------------------------------------------------------------------------------
@@ -257,8 +226,10 @@ def verified(file: Path, agents: list[str], seed: int | None, form: Form) -> Non
     """Do it and tell how it went. Exits with 1 where an agent's output differs. Raises ConsoleError."""
     run, system = file if file.is_dir() else file.parent, of_run(file)
     logs = _logs(run, system, agents)
+    from operate.recording.run import opened
+
     recording = file if file.is_file() else run / TRAFFIC_FILE
-    evidence = Evidence(recording if recording.is_file() else None)
+    evidence = Evidence(opened(recording, system) if recording.is_file() else None)
     found = []
     with Console(stderr=True, quiet=form is Format.JSON).status("") as line:
         for agent, log in logs.items():
@@ -340,12 +311,12 @@ def _verified(run: Path, done: Again, evidence: Evidence) -> Verified:
     )
 
 
-def _other(one: Word, heard: set[bytes] | None) -> bool:
+def _other(one: SentAgain, heard: set[bytes] | None) -> bool:
     """Whether only something else went by in the place of a communicate."""
     return heard is not None and one.digest not in heard
 
 
-def _misheard(one: Word, heard: set[bytes]) -> Difference:
+def _misheard(one: SentAgain, heard: set[bytes]) -> Difference:
     field = f"recording of the communicate {one.id} to {one.receiver}"
     was, now = (f"digest {digest.hex()}" for digest in (min(heard), one.digest))
     return Difference(one.incarnation, one.step, one.at, one.kind, field, was, now)
@@ -382,5 +353,5 @@ def _sentence(one: Verified) -> str:
     at = datetime.fromtimestamp(difference.at).strftime("%H:%M:%S.%f")[:-3]
     return (
         f"{one.agent} differs first in step {difference.step} of life {difference.life}, {at}, {difference.kind}\n"
-        f"  in {difference.field}\n  recorded: {short(difference.recorded)}\n  now:      {short(difference.now)}"
+        f"  in {difference.field}\n{compared(difference.recorded, difference.now)}"
     )
