@@ -7,6 +7,7 @@ literal (a record): as nodes they would cost ten times as much. Must not know: s
 from collections.abc import Mapping, Set
 from functools import cache
 from importlib import resources
+from typing import Any
 
 import msgspec
 import pyoxigraph as ox
@@ -21,6 +22,7 @@ from services.knowledge.scene import Held, Scene, SceneObject
 ROCO = Namespace(PREFIXES["roco"])
 
 
+@cache
 def term(name: str) -> ox.NamedNode:
     return ox.NamedNode(str(ROCO[name]))
 
@@ -85,15 +87,15 @@ class Subject(msgspec.Struct, frozen=True):
 def subjects(scene: Scene, names: Set[str] | None = None) -> dict[str, Subject]:
     """The contents of a scene by subject. Reserved space belongs to a plan and is never observed.
 
-    `names`: of the objects and contents that are wanted, None for all.
+    `names`: of the objects, hands (by side), contents and parts of the body ("" for all of it) that are wanted.
     """
     found: dict[str, Subject] = {}
     for name in (name for name in scene.things if names is None or name in names):
         found[name] = _of_object(scene, scene.things[name])
-    for side, held in scene.hands.items():
+    for side, held in ((side, held) for side, held in scene.hands.items() if names is None or side in names):
         part = f"{side.value}_hand"
         found[f"{side.value} hand"] = _subject(scene, term(part), Stored(f"hand:{side.value}", held=held))
-    for part, q in scene.joints.items():
+    for part, q in scene.joints.items() if names is None or "" in names else ():
         name = part.removesuffix("_hand") + "_fingers" if part.endswith("_hand") else part
         found[name] = _subject(scene, term(name), Stored(f"body:{part}", joints=q), key="body")
     for source in (source for source in scene.contents if names is None or source in names):
@@ -151,12 +153,13 @@ def differing(old: Scene, new: Scene) -> tuple[list[Subject], list[Subject]]:
     versions = {key.partition(":")[2] for key in _changed(old.versions, new.versions)}
     held = {held.object for scene in (old, new) for held in scene.hands.values()}
     names = versions | held | _changed(old.things, new.things) | _changed(old.contents, new.contents)
+    names |= _changed(old.hands, new.hands) | ({""} if _changed(old.joints, new.joints) else set())
     before, after = subjects(old, names), subjects(new, names)
     gone = [one for key, one in before.items() if after.get(key) != one]
     return gone, [one for key, one in after.items() if before.get(key) != one]
 
 
-def _changed(old: Mapping[str, object], new: Mapping[str, object]) -> set[str]:
+def _changed(old: Mapping[Any, object], new: Mapping[Any, object]) -> set[str]:
     """The keys whose values are not the same instance."""
     if old is new:
         return set()

@@ -1,16 +1,48 @@
-"""The true loop and simulated Velma beside ex's agent in one process: a motion is run in the call, to its next look.
+"""Six agents in memory with the true search, the true skills, the true loop and simulated physics.
 
-Virtual time goes on by the simulated time it took; a Brake that answers no look therefore always comes too late.
+Loop and simulated Velma are beside ex's agent in one process: a motion is run in the call, to its next look. Virtual
+time goes on by the simulated time it took; a Brake that answers no look therefore always comes too late.
 """
 
+from functools import partial
+from pathlib import Path
+
 import numpy as np
+from pretended_fleet import Fleet
 
 from agent_runtime.io.devices import Post
+from companion.eyes import Eyes
 from companion.languages.facts import Facts
 from companion.skills.loop_messages import Phase
-from services.executor.local import Brake, Do, Felt, GoOn, Halt, Moved, Passing, Stands, Where
+from services.executor.device import RobotDevice
+from services.executor.local import Brake, Do, Felt, GoOn, Halt, Moved, Passing, Setup, Stands, Where
 from services.executor.loop.core import LoopCore
+from services.executor.renderer import Renderer
+from services.executor.skill_device import SkillDevice
+from services.executor.world import scene_of
+from services.planner.search_device import SearchDevice
+from velma.model.scene import CANONICAL, load, vary
 from velma.names import SIDES
+from velma.sim.mujoco_backend import MujocoBackend
+from velma.sim.truth import TruthReader
+
+
+class TrueFleet(Fleet):
+    """Six agents; search and skills are child processes, the loop is called."""
+
+    def __init__(self, seed: int, eyes: Eyes = Eyes.RAYS, scene: Path = CANONICAL) -> None:
+        backend = MujocoBackend(vary(load(scene), seed))
+        self.truth = TruthReader(backend)
+        self.core = LoopCore(backend)
+        self.core.hold(0.4)
+        setup = Setup(str(scene), seed, eyes)
+
+        def robot(post: Post) -> RobotDevice:
+            return RobotDevice(
+                SkillDevice(post, setup, Renderer(partial(scene_of, setup))), CalledLoop(post, self.core)
+            )
+
+        super().__init__(seed=seed, search=SearchDevice, robot=robot)
 
 
 class CalledLoop:
