@@ -12,9 +12,17 @@ from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal import sequence
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.filter_options import Agents, Channels, Performatives, Protocols, Recorded, wanted
 from operate.cli.traffic.listen import about
-from operate.cli.traffic.subject import Subject, lines_of
+from operate.cli.traffic.selection import (
+    Agents,
+    Channels,
+    Performatives,
+    Protocols,
+    Recorded,
+    Subject,
+    lines_of,
+    wanted,
+)
 from operate.run_folder import Judged
 from operate.tracing.trace import is_meant
 from operate.verdict_lines import ended, sides

@@ -23,8 +23,8 @@ from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
-from operate.cli.traffic.filter_options import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
 from operate.cli.traffic.listen import about, hearing
+from operate.cli.traffic.selection import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
 from operate.run_folder import TRAFFIC_FILE
 from operate.wording import bytes_in_words
 
