@@ -122,6 +122,12 @@ def test_a_run_that_goes_on_is_shown_as_far_as_it_is(tmp_path: Path) -> None:
     assert "goes on" in roco(tmp_path, one.id)
 
 
+def test_the_design_says_who_opened_a_conversation_of_which_the_beginning_is_not_there() -> None:
+    """Its first words here are an answer."""
+    [one] = conversation.conversations([AGREED], DESIGN)
+    assert (one.initiator, one.participant) == (ASKED.sender, ASKED.receiver)
+
+
 def test_a_run_without_verdicts_is_judged_now() -> None:
     """Of an older monitor there is the recording alone."""
     assert len(told(POUR)) == 424
