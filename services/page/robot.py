@@ -19,7 +19,7 @@ from agent_runtime.io.sessions import close, open_client
 from agent_runtime.io.tap import open_ear
 from companion.autonomy import STEP, Verb, Word
 from companion.design import DESIGN, AgentName
-from companion.telemetry import Picture, RobotState, told
+from companion.telemetry import Picture, RobotState, decoded
 from services.page.view import PICTURE, ROOM
 
 IDENTITY = "page"
@@ -57,7 +57,7 @@ class RobotEye:
 
     def _heard(self, data: bytes) -> None:
         try:
-            match told(data):
+            match decoded(data):
                 case RobotState(mode=mode):
                     if mode != self._mode:
                         self._mode = mode

@@ -34,7 +34,7 @@ class Known(msgspec.Struct, frozen=True):
 
 
 def known(place: "Path | Run", at: float | None = None) -> Known:
-    """Return the knowledge of km from a run folder or a recording, now or `at` seconds after its first communicate."""
+    """The knowledge of km from a run folder or a recording, now or `at` seconds after its first communicate."""
     try:
         from operate.recording.records import Spoken, Token
         from operate.recording.run import opened

@@ -108,7 +108,7 @@ VERBS: Table = {
         ),
         "report": (".runs.report:report", "Make the report of a run again from its recording, and show it."),
         "export": (
-            ".runs.export:export",
+            ".runs.report:export",
             "Write what a recording holds as tables: communicates, events, telemetry.",
         ),
         "compare": (".runs.compare:compare", "Compare two sets of runs: success, latency, energy, traffic."),

@@ -9,9 +9,9 @@ from pyarrow import parquet
 
 from agent_runtime.io.run_files import replaced, write_whole
 from operate.experiments import page, results, summary, tables
-from operate.experiments.exchanges import Said, said
 from operate.experiments.measures import Runs
 from operate.experiments.results import NothingHere
+from operate.experiments.run_figures import Said, said
 from operate.recording.run import Run
 from operate.run_folder import TRAFFIC_FILE
 

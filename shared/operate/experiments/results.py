@@ -7,9 +7,8 @@ from typing import Any
 import msgspec
 
 from operate.experiments import measures, tables
-from operate.experiments.exchanges import Said, said
 from operate.experiments.measures import Runs
-from operate.experiments.run_figures import Figures, Result, Setting
+from operate.experiments.run_figures import Figures, Result, Said, Setting, said
 from operate.recording.run import opened
 from operate.reports import report
 from operate.run_folder import REPORT_FILE, TRAFFIC_FILE, NothingToRead

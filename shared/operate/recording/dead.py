@@ -8,7 +8,6 @@ outlives restarts. Must not know: who looks at them.
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -18,7 +17,7 @@ from fipa_codec.communicate import Communicate, decode_strictly, encode
 from fipa_codec.errors import FipaError
 from operate.recording.records import Garbage, Origin, Spoken
 from operate.recording.run import Run
-from operate.run_folder import Dead, DeadLetter
+from operate.run_folder import Dead, DeadLetter, alike
 from operate.system import System
 
 JOURNAL, LOGS = "journal", "logs"
@@ -123,16 +122,13 @@ def _lines(path: Path) -> Iterator[_Line]:
 
 
 def _told(line: _Line, reason: Dead, said: Spoken | None) -> DeadLetter:
-    return DeadLetter(
-        t=line.t,
+    return alike(
+        DeadLetter,
+        line,
         reason=reason,
         why=line.why if reason is not Dead.TURNED_AWAY else f"{line.event}: {line.why}",
-        sender=line.sender,
         receiver=line.agent,
         protocol=said.protocol if said else "",
-        performative=line.performative,
-        conversation=line.conversation,
-        id=line.id,
         bytes=said.size if said else 0,
         text=said.text if said else "",
     )
@@ -170,8 +166,5 @@ def _text(one: Communicate, system: System) -> str:
 
 
 def _letter(one: Communicate, at: float, reason: Dead, why: str, size: int, text: str = "") -> DeadLetter:
-    told: dict[str, Any] = {
-        name: str(getattr(one, name))
-        for name in ("sender", "receiver", "protocol", "performative", "conversation", "id")
-    }
-    return DeadLetter(t=at, reason=reason, why=why, bytes=size, text=text, **told)
+    act = str(one.performative)
+    return alike(DeadLetter, one, t=at, reason=reason, why=why, performative=act, bytes=size, text=text)

@@ -35,7 +35,7 @@ from operate.recording.records import (
     Unpaired,
     spoken,
 )
-from operate.run_folder import STEPS
+from operate.run_folder import STEPS, alike
 from operate.system import System
 
 # --- Times at which agents heard something, by their own step logs: a latency ends when the asker hears the answer
@@ -423,24 +423,12 @@ def _not_sent(came: Communicate, at: float) -> Unpaired:
 
 
 def _unpaired(one: Communicate, at: float, why: str, *, altered: bool) -> Unpaired:
-    return Unpaired(
-        sender=one.sender,
-        receiver=one.receiver,
-        protocol=one.protocol,
-        performative=str(one.performative),
-        conversation=one.conversation,
-        id=one.id,
-        altered=altered,
-        why=why,
-        received=at,
-    )
+    return alike(Unpaired, one, performative=str(one.performative), altered=altered, why=why, received=at)
 
 
 def _receipted(one: Receipted, at: float, agent: str) -> House:
     """The record of a receipt for what an agent said."""
-    parts = {name: getattr(one, name) for name in Receipt.__struct_fields__ if name != "peer"}
-    receipt = Receipt(agent, **parts)
-    return House(RECEIPT, one.peer, agent, at, msgspec.msgpack.encode(receipt))
+    return House(RECEIPT, one.peer, agent, at, msgspec.msgpack.encode(alike(Receipt, one, peer=agent)))
 
 
 def _key(one: Communicate, system: System) -> str:

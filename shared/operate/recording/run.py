@@ -30,6 +30,7 @@ from operate.run_folder import (
     LiveLine,
     ProcessState,
     ProcessStatus,
+    alike,
 )
 from operate.system import System, of_run
 from operate.tracing.trace import Trace
@@ -161,14 +162,6 @@ def _is_logged(record: Record) -> bool:
 
 
 def _observation(one: Spoken) -> Observation:
-    content = one.content
-    return Observation(
-        at=one.received,
-        sender=one.sender,
-        receiver=one.receiver,
-        protocol=one.protocol,
-        performative=one.communicate.performative,
-        bytes=one.size,
-        conversation=one.conversation,
-        content=f"{one.language}.{type(content).__name__}" if content is not None else "",
-    )
+    content = "" if one.content is None else f"{one.language}.{type(one.content).__name__}"
+    act = one.communicate.performative
+    return alike(Observation, one, at=one.received, performative=act, bytes=one.size, content=content)

@@ -17,7 +17,7 @@ from agent_runtime.io import steplog
 from fipa_codec.communicate import UNREADABLE, Communicate
 from operate.recording.history import History
 from operate.recording.records import Record, Spoken, Token
-from operate.run_folder import Fault, Judged
+from operate.run_folder import Fault, Judged, alike
 from operate.system import System
 from operate.tracing.trace import Away, Identity, Message, Step, Talk, Trace, spans
 from topdown.judge import follow
@@ -39,19 +39,8 @@ def of(records: Iterable[Record], past: History, logs: Iterable[Path], system: S
 
 
 def _message(one: Spoken, system: System) -> Message:
-    return Message(
-        sender=one.sender,
-        receiver=one.receiver,
-        id=one.id,
-        performative=one.performative,
-        protocol=one.protocol,
-        channel=one.channel,
-        conversation=one.conversation,
-        sent=one.sent,
-        heard=one.received,
-        text=system.about(one.content),
-        reason=system.why(one.content),
-    )
+    text, reason = system.about(one.content), system.why(one.content)
+    return alike(Message, one, heard=one.received, text=text, reason=reason)
 
 
 # --- conversations ----------------------------------------------------------------------------------------------------

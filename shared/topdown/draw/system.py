@@ -30,12 +30,12 @@ class Join(msgspec.Struct, frozen=True):
 
     @property
     def width(self) -> float:
-        """Return the width of its label [px]."""
+        """The width of its label [px]."""
         return max(width_of(self.label[0], "strong"), *(width_of(line, "small") for line in self.label[1:]), 0.0) + 8
 
     @property
     def height(self) -> float:
-        """Return the height of its label [px]."""
+        """The height of its label [px]."""
         return LINE * len(self.label) + 6
 
 
@@ -49,13 +49,13 @@ def system_section(design: Design, width: int) -> Section:
 
 
 def labels(design: Design, channel: Channel) -> tuple[str, ...]:
-    """Return the label of a channel: its id, and who asks whom in which protocol."""
+    """The label of a channel: its id, and who asks whom in which protocol."""
     uses = (use for use in design.file.protocol if use.channel == channel.id)
     return (channel.id, *dict.fromkeys(f"{use.follows}: {use.initiator} → {use.participant}" for use in uses))
 
 
 def task_of(design: Design, group: str) -> str:
-    """Return the task of a group: from the step that made it, or from the entry of a group that stays one."""
+    """The task of a group: from the step that made it, or from the entry of a group that stays one."""
     texts = {entry.name: entry.text for entry in design.file.group}
     return design.decomposition.tasks.get(group, "") or texts.get(group, "")
 
@@ -87,7 +87,7 @@ class _Drawing:
         shown = [c for c in channels if all(end in groups for end in c.ends) and c.ends[0] != c.ends[1]]
         self.cells = placed(groups, [c.ends for c in shown])
         self.joins = [Join(c, labels(design, c), self._sides(c)) for c in shown]
-        self.words = {group: self._task(group) for group in groups}
+        self.words = {group: wrapped(task_of(self.design, group), INNER - 2 * PORT - 24, "small") for group in groups}
         widest = max((width_of(line, "small") for lines in self.words.values() for line in lines), default=0.0)
         ports = (PAIR * self._most(group, ("top", "bottom")) + 20 for group in groups)
         self.width = max(INNER, widest + 2 * PORT + 24, *ports)  # a word longer than a line is not broken
@@ -103,9 +103,6 @@ class _Drawing:
             self._box(group)
         for join in self.joins:
             self._ports(join)
-
-    def _task(self, group: str) -> list[str]:
-        return wrapped(task_of(self.design, group), INNER - 2 * PORT - 24, "small")
 
     def _sides(self, channel: Channel) -> tuple[str, str]:
         (row, column), (other_row, other_column) = (self.cells[end] for end in channel.ends)
@@ -149,7 +146,7 @@ class _Drawing:
                 break
             corridor += 24
         for join in self.joins:
-            self._line(join)
+            self.canvas.line(self._path(join), "channel")
         for join in self.joins:
             if (spots or {}).get(join.channel.id) is not None and spots:
                 self._label(join, spots[join.channel.id])
@@ -195,9 +192,6 @@ class _Drawing:
             else:
                 return None
         return found
-
-    def _line(self, join: Join) -> None:
-        self.canvas.line(self._path(join), "channel")
 
     def _label(self, join: Join, middle: Point) -> None:
         x, y = middle
@@ -261,8 +255,12 @@ def channels_section(design: Design) -> Section:
     channels = sorted(design.channels.values(), key=lambda channel: natural(channel.id))
     uses = sorted(design.file.protocol, key=lambda use: (natural(use.channel), use.name))
     plain = tuple((c.id, "-".join(c.ends), str(c.born), "; ".join(c.transmits)) for c in channels)
+
+    def languages(use: Protocol) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(message.language for message in use.message if message.language))
+
     service = tuple(
-        (u.channel, u.name, u.follows, u.initiator, u.participant, listed(_languages(u)), u.ontology or "-")
+        (u.channel, u.name, u.follows, u.initiator, u.participant, listed(languages(u)), u.ontology or "-")
         for u in uses
     )
     budgets = tuple(_budget(design, use) for use in uses)
@@ -282,12 +280,8 @@ def channels_section(design: Design) -> Section:
     return Section("channels", "Channels", "Who is joined to whom, who asks and who serves, in which words.", grids)
 
 
-def _languages(use: Protocol) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(message.language for message in use.message if message.language))
-
-
 def _budget(design: Design, use: Protocol) -> tuple[str, ...]:
-    """Return the costs of one use of a protocol."""
+    """The costs of one use of a protocol."""
     asked = max((m.bytes for m in use.message if m.sender == use.initiator), default=0)
     answered = max((m.bytes for m in use.message if m.sender == use.participant), default=0)
     delivery = "durable" if use.durable else "newest value" if use.latest else "asked again"

@@ -10,8 +10,8 @@ from operate.cli.__main__ import app
 from operate.cli.runs import compare
 from operate.cli.terminal.console import Console
 from operate.experiments.comparing import Compared, Diverged, Divergence, Verdict
-from operate.experiments.exchanges import Said
 from operate.experiments.intervals import Interval
+from operate.experiments.run_figures import Said
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 

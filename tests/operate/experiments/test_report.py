@@ -15,10 +15,11 @@ from companion.tools.system import SYSTEM
 from companion.tools.telemetry import robot
 from operate.experiments import make, page, results, summary, tables
 from operate.experiments.results import NothingHere
-from operate.experiments.run_figures import Latency, Result, Spans
+from operate.experiments.run_figures import Result
 from operate.recording.run import opened
 from operate.recording.stored import NoRecordingError
 from operate.reports import report
+from operate.reports.counts import Latency, Spans
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 
@@ -120,7 +121,7 @@ def test_the_99_of_a_hundred_are_of_runs_that_have_a_hundred(count: int, named: 
     """Older reports have that figure of two answers, too; the longest is told of all."""
 
     def answered(one: PourFigures) -> PourFigures:
-        row = Latency("C3", "generate_plan", 15000.0, Spans(count, 6.0, 10.0, 11.0))
+        row = Latency("C3", "generate_plan", 15000.0, Spans(count, 6.0, p99=10.0, max=11.0))
         return msgspec.structs.replace(one, latency=(row,))
 
     rows = {row.name for row in summary.summed(runs(change=answered)).rows}

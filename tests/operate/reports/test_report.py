@@ -65,7 +65,7 @@ def test_simulated_time_counts_acts_only(pouring: Run) -> None:
     assert told.sim_time_s == pytest.approx(pouring.sim, abs=0.05 * len(plans.acts(past)))
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(st.data())
 def test_copies_count_once_and_order_on_the_wire_does_not_matter(pouring: Run, data: st.DataObject) -> None:
     """Re-sent communicates change nothing but the number of copies."""
@@ -124,8 +124,7 @@ def test_what_nobody_took_is_named(pouring: Run) -> None:
     assert "to hi" in past.holes[0].text
 
 
-@pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.5, 0.93, 0.9999])
-def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_path: Path, share: float) -> None:
+def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_path: Path) -> None:
     """Records flushed before a kill are read, in order, and nothing else; the report names the hole."""
     recorder = Recorder(tmp_path, SYSTEM)
     for sample in pouring.samples:
@@ -136,13 +135,13 @@ def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_
     assert whole.whole
     assert list(whole.records) == records(pouring.samples)
     data = path.read_bytes()
-    path.write_bytes(data[: int(share * len(data))])
-    part = mcap_file.read(path)
-    assert not part.whole
-    assert part.records == whole.records[: len(part.records)]
+    for share in (0.0, 0.001, 0.1, 0.93, 0.9999):
+        path.write_bytes(data[: int(share * len(data))])
+        part = mcap_file.read(path)
+        assert not part.whole, share
+        assert part.records == whole.records[: len(part.records)], share
+        assert share < 0.9 or len(part.records) > 0.85 * len(whole.records)
     assert any("was killed" in hole.text for hole in RecordedRun(tmp_path, SYSTEM).history.holes)
-    if share > 0.9:
-        assert len(part.records) > 0.85 * len(whole.records)
 
 
 def test_a_recorder_that_comes_back_goes_on_where_the_other_died(pouring: Run, tmp_path: Path) -> None:

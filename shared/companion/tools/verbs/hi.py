@@ -13,6 +13,7 @@ import msgspec
 
 from companion import loopback
 from companion.run_files import HI_FILE, HiAddress, Say, TaskLine
+from operate import proc
 from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError, NoRunError
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
@@ -49,12 +50,12 @@ class Hi(loopback.Hi):
 
 
 def terminal() -> str:
-    """Return a name for the terminal, the same for all that is said in it: its session on this machine."""
+    """A name for the terminal, the same for all that is said in it: its session on this machine."""
     return f"{os.getsid(0)}@{socket.gethostname()}"[:64]
 
 
 def address(fleet: Target) -> HiAddress:
-    """Return the address of a fleet's human interface. Raise HiError if it never published one."""
+    """The address of a fleet's human interface. Raise HiError if it never published one."""
     try:
         told = fleet.read(HI, HI_FILE)
         return msgspec.json.decode(told, type=HiAddress)
@@ -89,7 +90,7 @@ PAGE = Listener("page", "services.page")
 
 
 def when_started(attempt: Callable[[], T | ConsoleError], coming: Callable[[ConsoleError], bool], form: Format) -> T:
-    """Return what an attempt gives, made again for 90 s while it gives an error of something that is `coming`.
+    """What an attempt gives, made again for 90 s while it gives an error of something that is `coming`.
 
     Raise the error otherwise, NoRunError where the time is over.
     """
@@ -126,7 +127,7 @@ def begins(wanted: Listener, run: Path) -> bool:
 
     It says so before anything of it is in a run folder. In a container the listener itself is looked for.
     """
-    called = folders.called()
+    called = [words for _, words in proc.every_words()]
     if folders.around() is not None:
         return any(wanted.module in words for words in called)
     mine = {run.resolve(), run.parent.resolve()} if run.name == LATEST else {run.resolve()}

@@ -10,11 +10,12 @@ from operate.cli import completion
 from operate.cli.errors import UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 
 if TYPE_CHECKING:
     from operate.experiments.comparing import Compared, Comparison, Diverged
-    from operate.experiments.exchanges import Said
     from operate.experiments.intervals import Interval
+    from operate.experiments.run_figures import Said
 
 ABSENT = "-"
 STYLES = {"worse": "red", "better": "green", "shown": "dim"}
@@ -79,22 +80,19 @@ def show(told: "Comparison", console: Console) -> None:
 
 def quantities(rows: "tuple[Compared, ...]") -> Table:
     """A row for each quantity: both sides, how much B is above A with its interval, what that means."""
-    table = Table("", box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for name in ("A", "B", "B to A [%]", "95 %"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("")
+    numbers = ("A", "B", "B to A [%]", "95 %")
+    drawn = table(("", *numbers, " "), right=numbers, fold=("", " "), header_style="bold")
     for row in rows:
-        share = row.name == "success"
-        table.add_row(
+        drawn.add_row(
             f"{row.name}, {row.unit}" if row.unit else row.name,
-            _side(row.a, share),
-            _side(row.b, share),
+            _side(row.a, row.name == "success"),
+            _side(row.b, row.name == "success"),
             _percent(row.percent),
             f"{_percent(row.low)} … {_percent(row.high)}" if row.low is not None else ABSENT,
             row.verdict,
             style=STYLES.get(row.verdict, ""),
         )
-    return table
+    return drawn
 
 
 def divergences(pairs: "tuple[Diverged, ...]") -> list[str]:

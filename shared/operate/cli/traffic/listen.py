@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 
@@ -61,23 +61,19 @@ class Said(msgspec.Struct, frozen=True):
             return None
 
 
+def fields_of(one: Communicate) -> dict[str, Any]:
+    """A communicate by the names of its fields, its content as what it is; without `content` where it has none."""
+    told = msgspec.structs.asdict(one)
+    content = told.pop("content")
+    return told if content is msgspec.UNSET else told | {"content": msgspec.msgpack.decode(content)}
+
+
 def said(sample: Sample) -> Said | None:
     """Return the communicate, by its key; None for other samples (tokens, receipts, telemetry)."""
     chunks = sample.key.split("/")
     if sample.token or len(chunks) != KEY_CHUNKS or chunks[2] == HOUSE:
         return None
-    channel, sender, receiver, protocol, performative = chunks[2:]
-    return Said(
-        sample.at,
-        sample.key,
-        sample.data,
-        sample.size or len(sample.data),
-        channel,
-        sender,
-        receiver,
-        protocol,
-        performative,
-    )
+    return Said(sample.at, sample.key, sample.data, sample.size or len(sample.data), *chunks[2:])
 
 
 def at_run(run_dir: Path | None) -> Options:

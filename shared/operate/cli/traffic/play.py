@@ -1,7 +1,9 @@
 """Saying samples again, on time: the clock, the times inside communicates, how it went, and what differs then."""
 
+import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -10,6 +12,7 @@ from agent_runtime.impersonation import Stage
 from agent_runtime.io.tap import Sample
 from fipa_codec.communicate import Communicate, encode
 from operate.cli.traffic.listen import said
+from operate.system import System
 
 LOOK_S = 0.1
 
@@ -133,6 +136,12 @@ def short(value: Any) -> str:
     """A value in JSON, cut off where it is long; None: nothing."""
     text = "nothing" if value is None else msgspec.json.encode(value).decode()
     return text if len(text) <= MOST_WORDS else text[: MOST_WORDS - 1] + "…"
+
+
+def as_agent(system: System, run: Path, settings: dict[str, str]) -> dict[str, str]:
+    """The environment of an agent of this system that is run again; `settings`: its options, as in ROCO_NAME."""
+    told = {"TLS_DIR": "", "LOG_LEVEL": "error"} | settings
+    return os.environ | system.environment(run) | {f"ROCO_{name}": value for name, value in told.items()}
 
 
 def compared(recorded: Any, now: Any) -> str:

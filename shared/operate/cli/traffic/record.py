@@ -22,10 +22,11 @@ from operate.cli.fleet.hear import LostError
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
-from operate.cli.traffic import rate_tables
+from operate.cli.terminal.table import table
 from operate.cli.traffic.filter_options import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
 from operate.cli.traffic.listen import about, hearing
 from operate.run_folder import TRAFFIC_FILE
+from operate.wording import bytes_in_words
 
 if TYPE_CHECKING:
     from operate.recording.contents import Contents, Counted
@@ -80,7 +81,7 @@ def record(
 
 def sentence(done: "Kept") -> str:
     """Return the progress in one line."""
-    size = rate_tables.size(done.bytes)
+    size = bytes_in_words(done.bytes)
     what = f"{done.communicates} communicates, {done.records} records, {size} in {done.seconds:.1f} s"
     return what + (f"; {done.dropped} more came faster than they could be kept" if done.dropped else "")
 
@@ -119,6 +120,7 @@ def _recorded(keeper: "Keeper", heard: "subprocess.Popen[bytes]", form: Format) 
 # --- `roco record info`: what is in a recording, before anything is made of it ---------------------------------------
 
 
+NUMBERS = ("count", "size", "first", "last", "Hz")
 LEAST_S = 1.0
 """Of messages within a shorter time a rate tells nothing (estimate)."""
 
@@ -151,7 +153,7 @@ def info(
         console = Console(highlight=False)
         for line in heading(told):
             console.print(line, soft_wrap=True)
-        console.print(table(told, keys=keys))
+        console.print(topics(told, keys=keys))
 
 
 def heading(told: "Contents") -> list[str]:
@@ -161,19 +163,16 @@ def heading(told: "Contents") -> list[str]:
     begin, end = (datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3] for at in (first, last))
     count = sum(one.count for one in told.topics)
     lines = [
-        f"{folders.near(Path(told.file))}, {rate_tables.size(told.bytes)}{torn}",
+        f"{folders.near(Path(told.file))}, {bytes_in_words(told.bytes)}{torn}",
         f"{begin} to {end}, {last - first:.1f} s, {count} messages in {len(told.topics)} topics",
         ", ".join(f"{name} {value}" for name, value in told.versions.items() if value),
     ]
     return lines + [f"{name}: {_facts(facts)}" for name, facts in told.notes.items()]
 
 
-def table(told: "Contents", *, keys: bool) -> Table:
+def topics(told: "Contents", *, keys: bool) -> Table:
     """Return the topics, a line for each and with `keys` for each of their keys; times since the first message."""
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("topic", "count", "size", "first", "last", "Hz"):
-        drawn.add_column(name, no_wrap=True, justify="left" if name == "topic" else "right")
-    begin = told.span[0]
+    drawn, begin = table(("topic", *NUMBERS), right=NUMBERS), told.span[0]
     for topic in told.topics:
         drawn.add_row(*_cells(topic, topic.name, begin))
         for key in sorted(topic.keys.values(), key=lambda one: one.name) if keys else ():
@@ -184,7 +183,7 @@ def table(told: "Contents", *, keys: bool) -> Table:
 def _cells(one: "Counted", name: str, begin: float) -> tuple[str, ...]:
     hertz = f"{(one.count - 1) / (one.last - one.first):.2f}" if one.last - one.first > LEAST_S else "-"
     times = (f"{one.first - begin:.1f} s", f"{one.last - begin:.1f} s") if one.count else ("-", "-")
-    return name, str(one.count), rate_tables.size(one.bytes), *times, hertz
+    return name, str(one.count), bytes_in_words(one.bytes), *times, hertz
 
 
 def _facts(facts: dict[str, str]) -> str:

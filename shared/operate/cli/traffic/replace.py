@@ -5,7 +5,6 @@ that it had said before. Compared is what the agent says: performative, receiver
 answers.
 """
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -25,7 +24,7 @@ from fipa_codec.languages import Languages
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.play import compared, difference, moved
+from operate.cli.traffic.play import as_agent, compared, difference, moved
 from operate.system import System, of_run
 
 # --- One agent's part of a recording, and whether a real agent speaks it: its lines and its cues, in the order recorded
@@ -207,7 +206,18 @@ def replaced(file: Path, agent: str, fast: float | None, seed: int | None, form:
     with console.status(f"starting {agent}") as line, _running(system, agent, module, seed) as cast:
         script, begun = Script(part), time.monotonic()
         found = _play(script, cast, part, fast, lambda n: line.update(f"{agent} speaks: {n} of {len(part)} entries"))
-    done = _compared(agent, part, script, found, time.monotonic() - begun)
+    difference, words = found or (None, None)
+    done = Compared(
+        agent=agent,
+        lines=sum(one.mine for one in part),
+        spoken=len(script.spoken),
+        cues=sum(not one.mine for one in part[: script.given_cues]),
+        seconds=round(time.monotonic() - begun, 3),
+        difference=difference,
+        conversation=words.conversation if words else "",
+        performative=str(words.performative) if words else "",
+        receiver=words.receiver if words else "",
+    )
     if form is Format.JSON:
         tell_json(done)
     else:
@@ -270,17 +280,10 @@ def _part(file: Path, agent: str) -> tuple[tuple[Part, ...], int]:
     return part, seed
 
 
-class _Stop(msgspec.Struct, frozen=True):
-    """Place where it ended: the difference, and the real words, if there were any."""
-
-    difference: Difference
-    words: Communicate | None
-
-
 def _play(
     script: Script, cast: Cast, part: tuple[Part, ...], fast: float | None, look: Callable[[int], None]
-) -> _Stop | None:
-    """Until all is spoken (None), or something differs."""
+) -> tuple[Difference, Communicate] | None:
+    """Until all is spoken (None), or something differs: in what, of which words."""
     begun = moved_on = time.monotonic()
     while True:
         line, cue, now = script.awaited(), script.cue(), time.monotonic()
@@ -295,26 +298,16 @@ def _play(
             moved_on, found = now, script.hear(heard)
             look(len(script.spoken))
             if found is not None:
-                return _Stop(found, heard)
+                return found, heard
         elif line is not None and now - moved_on > PATIENCE_S + _pause(part, line) / (fast or 1.0):
-            return _Stop(Difference(line.n, "words", plain(line.communicate), None), None)
+            return Difference(line.n, "words", plain(line.communicate), None), line.communicate
     extra = cast.hear(END_S)
-    return None if extra is None else _Stop(Difference(0, "words", None, plain(extra)), extra)
+    return None if extra is None else (Difference(0, "words", None, plain(extra)), extra)
 
 
 def _pause(part: tuple[Part, ...], line: Part) -> float:
     """Return the recorded pause before the line [s]."""
     return line.at - part[line.n - 2].at if line.n > 1 else 0.0
-
-
-def _compared(agent: str, part: tuple[Part, ...], script: Script, found: _Stop | None, seconds: float) -> Compared:
-    cues = sum(not one.mine for one in part[: script.given_cues])
-    done = Compared(agent, sum(one.mine for one in part), len(script.spoken), cues, round(seconds, 3), None)
-    if found is None:
-        return done
-    one = found.words or part[found.difference.line - 1].communicate
-    told = {"conversation": one.conversation, "performative": str(one.performative), "receiver": one.receiver}
-    return msgspec.structs.replace(done, difference=found.difference, **told)
 
 
 @contextmanager
@@ -346,10 +339,8 @@ def _started(
         "RUN_DIR": str(run),
         "SYSTEM": SYSTEM,
         "SEED": str(seed),
-        "LOG_LEVEL": "error",
-        "TLS_DIR": "",
     }
-    environment = os.environ | system.environment(run) | {f"ROCO_{name}": value for name, value in told.items()}
+    environment = as_agent(system, run, told)
     with (run / f"{agent}.log").open("wb") as log:
         process = subprocess.Popen([sys.executable, "-P", "-m", module], env=environment, stdout=log, stderr=log)
     until = time.monotonic() + READY_S

@@ -13,6 +13,7 @@ from operate.cli.terminal import span_tree
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.filter_options import Recorded
 from operate.cli.traffic.subject import Subject, recording_of
+from operate.run_folder import alike
 from operate.tracing import otlp
 from operate.tracing.trace import Span, Trace
 
@@ -108,14 +109,5 @@ def _list(found: Trace, form: As) -> None:
 
 def _task(found: Trace, span: Span) -> Task:
     below = [one for _, one in found.below(span)]
-    return Task(
-        task=span.id,
-        initiator=span.initiator,
-        participant=span.participant,
-        protocol=span.protocol,
-        text=span.text,
-        start=span.start,
-        end=max(one.end for one in below),
-        ended=span.ended,
-        communicates=sum(len(one.messages) for one in below),
-    )
+    end, said = max(one.end for one in below), sum(len(one.messages) for one in below)
+    return alike(Task, span, task=span.id, end=end, communicates=said)

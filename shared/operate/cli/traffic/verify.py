@@ -5,7 +5,6 @@ differs, the recorded value is looked up: in the log what was done, in the journ
 went by.
 """
 
-import os
 import subprocess
 import sys
 from collections import defaultdict
@@ -17,17 +16,19 @@ from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 import typer
-from rich.table import Table
 
 from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.io.journal import records
-from agent_runtime.io.steplog import Again, Parted, Put, SentAgain, digest, fingerprint
+from agent_runtime.io.steplog import Again, Parted, SentAgain, digest, fingerprint
 from fipa_codec.communicate import Communicate, decode
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
+from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.play import compared, difference
-from operate.run_folder import FLEET_FILE, STEPS, TRAFFIC_FILE, Fleet
+from operate.cli.terminal.table import table
+from operate.cli.traffic.listen import fields_of
+from operate.cli.traffic.play import as_agent, compared, difference
+from operate.run_folder import STEPS, TRAFFIC_FILE
 from operate.system import System, of_run
 
 if TYPE_CHECKING:
@@ -77,23 +78,17 @@ def _named(parted: Parted, kept: Kept) -> tuple[str, Any, Any]:
     found = difference(_value_told(parted.deed), _value_told(put.deed), "deed")
     if found is not None:
         return found
-    now = _effects(put)
+    tells = cast(tuple[Any, ...], msgspec.Raw(put.tells))
+    now = Effects(put.record, put.receipts, tuple(map(decode, put.sends)), tells)  # as it is hashed
     for then in _possible(parted, now, kept):
-        if fingerprint(then) == parted.output:
-            return _between(then, now)
-    words = _worded_all(now.sends), _worded_all(next(_sent(parted.at, now.sends, kept.said)))
-    found = difference(words[1], words[0], "sends")
+        if fingerprint(then) == parted.output:  # the same values in other bytes are in another order
+            return difference(_plain(then), _plain(now)) or ("record", then.record, now.record)
+    found = difference(_worded(next(_sent(parted.at, now.sends, kept.said))), _worded(now.sends), "sends")
     if found is not None:
         return found
     whole = kept.said and parted.before in kept.journal
     field, value = ("tells", _value_told(now.tells)) if whole else ("output", _plain(now))
     return field, f"hash {parted.output.hex()}", value
-
-
-def _effects(put: Put) -> Effects:
-    """Return the present output of a step, as it is hashed."""
-    tells = cast(tuple[Any, ...], msgspec.Raw(put.tells))
-    return Effects(put.record, put.receipts, tuple(map(decode, put.sends)), tells)
 
 
 def _possible(parted: Parted, now: Effects, kept: Kept) -> Iterator[Effects]:
@@ -129,17 +124,10 @@ def _receipted(now: tuple[Receipt, ...], then: Sequence[Receipt]) -> Iterator[tu
         yield (*(other for other in now if other.peer != one.peer), one)
 
 
-def _between(then: Effects, now: Effects) -> tuple[str, Any, Any]:
-    """The first field in which two outputs differ."""
-    was, is_now = _plain(then), _plain(now)
-    found = difference(was, is_now)
-    return found or ("record", then.record, now.record)  # the same values in other bytes: another order
-
-
 def _plain(effects: Effects) -> dict[str, Any]:
     return {
         "record": None if effects.record is None else msgspec.msgpack.decode(effects.record),
-        "sends": _worded_all(effects.sends),
+        "sends": _worded(effects.sends),
         "receipts": _value_told(effects.receipts),
         "tells": _value_told(effects.tells),
     }
@@ -149,13 +137,8 @@ def _value_told(value: Any) -> Any:
     return msgspec.msgpack.decode(msgspec.msgpack.encode(value))
 
 
-def _worded_all(sends: Iterable[Communicate]) -> list[dict[str, Any]]:
-    return [_worded(one) for one in sends]
-
-
-def _worded(one: Communicate) -> dict[str, Any]:
-    told = {name: getattr(one, name) for name in one.__struct_fields__ if name != "content"}
-    return told if one.content is msgspec.UNSET else told | {"content": msgspec.msgpack.decode(one.content)}
+def _worded(sends: Iterable[Communicate]) -> list[dict[str, Any]]:
+    return [fields_of(one) for one in sends]
 
 
 # --- Evidence from a recording about the agents of its run, for comparison with their output when they are run again --
@@ -256,23 +239,9 @@ def _logs(run: Path, system: System, agents: list[str]) -> dict[str, Path]:
 
 def _told(run: Path, system: System, evidence: Evidence, seed: int | None) -> dict[str, str]:
     """The environment in which the agents of the run were started, as far as their steps depend on it."""
-    was = evidence.setting
-    told = {
-        "SYSTEM": _prefix(run, system),
-        "SEED": str(was.seed if seed is None else seed),
-        "SPEED": was.speed,
-        "SCENE": was.scene,
-        "TLS_DIR": "",
-        "LOG_LEVEL": "error",
-    }
-    return os.environ | system.environment(run) | {f"ROCO_{name}": value for name, value in told.items()}
-
-
-def _prefix(run: Path, system: System) -> str:
-    try:
-        return msgspec.json.decode((run / FLEET_FILE).read_bytes(), type=Fleet).system
-    except (OSError, msgspec.MsgspecError):
-        return system.name
+    was, fleet = evidence.setting, folders.fleet(run)
+    told = {"SYSTEM": fleet.system if fleet else system.name, "SPEED": was.speed, "SCENE": was.scene}
+    return as_agent(system, run, told | {"SEED": str(was.seed if seed is None else seed)})
 
 
 def _again(system: System, agent: str, log: Path, environment: dict[str, str]) -> Again:
@@ -330,13 +299,10 @@ def _kept(run: Path, agent: str, parted: Parted, evidence: Evidence) -> Kept:
 
 
 def _print(found: list[Verified]) -> None:
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("agent", "lives", "steps", "said", "heard"):
-        drawn.add_column(name, no_wrap=True, justify="left" if name == "agent" else "right")
-    for one in found:
-        heard = "-" if one.heard is None else str(one.heard)
-        drawn.add_row(one.agent, str(one.lives), str(one.steps), str(one.said), heard)
-    Console(highlight=False).print(drawn)
+    heads = ("agent", "lives", "steps", "said", "heard")
+    counts = ((one.lives, one.steps, one.said, "-" if one.heard is None else one.heard) for one in found)
+    rows = ((one.agent, *map(str, numbers)) for one, numbers in zip(found, counts, strict=True))
+    Console(highlight=False).print(table(heads, rows, right=heads[1:]))
     for one in found:
         if one.unlogged:
             print(f"{one.agent}: {one.unlogged} more were heard, of steps that its log lost, as a kill -9 does")
