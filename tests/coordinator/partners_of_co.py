@@ -135,7 +135,7 @@ class Scene:
         return [content.why for _, content in self.heard("hi", task)][-1]
 
     def ended(self, task, *last, why=None):
-        """Assert what hi was told last of a task, and with which reason; that everybody rests, and the next is served."""
+        """Assert what hi was told last of a task, and why; that everybody rests, and the next command is served."""
         assert self.said(task)[-len(last) :] == list(last)
         assert why is None or self.last_why(task) == why
         assert self.at_rest()
