@@ -5,8 +5,8 @@ behaviours that are not filled in refuse what they are asked (agent_runtime.core
 imports agent_runtime, fipa_codec, topdown and operate; this package itself imports only fipa_codec.
 """
 
-from topdown.scaffold.making import project_files, scaffold, smallest
 from topdown.scaffold.naming import ScaffoldError
+from topdown.scaffold.project import project_files, scaffold, smallest
 from topdown.scaffold.writing import Outcome
 
 __all__ = ["Outcome", "ScaffoldError", "project_files", "scaffold", "smallest"]
