@@ -17,7 +17,7 @@ from topdown.model.elements import Division, Split, Step
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG, explore
 from topdown.prove.net_model import NetModel
-from topdown.prove.pairs import changed_channels, spoken, verify_pairs
+from topdown.prove.pairs import changed_channels, ideal_pair, spoken, verify_pairs
 from topdown.prove.roles import Players, restricted
 from topdown.prove.volatile import NOT_HELD, Rules, volatile_pair
 
@@ -279,3 +279,29 @@ def test_a_mutated_row_of_a_design_changes_its_verdict(monkeypatch):
     monkeypatch.setattr(REQUEST, "tables", {**REQUEST.tables, SERVER: server})
     (result,) = verify_pairs(LAMP, faults=0)
     assert not result.holds
+
+
+# --- ideal queues -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
+def test_pairs_hold_over_ideal_queues(protocol):
+    """Pairs hold as layer 1 licenses; the state space is smaller."""
+    found = explored(ideal_pair(protocol))
+    assert found.holds, str(found.findings[0])
+    assert found.states < explored(durable_pair(protocol, faults=0)).states
+
+
+def test_ideal_queues_and_explicit_streams_agree_about_spoilt_tables():
+    """The same text for a missing row, the same kind for a silent one."""
+    small = restricted(REQUEST, {ASKER: {"request", "cancel"}, SERVER: {"refuse", "agree", "inform", "failure"}})
+    missing = small.with_tables(participant=small.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL))
+    silent = small.tables[SERVER]
+    for state in (State.START, State.DONE, State.REFUSED):
+        silent = silent.with_rows(Row(state, RECEIVE, P.CANCEL, PLAIN, State.DONE))
+    for protocol, kind in ((missing, WRONG), (small.with_tables(participant=silent), UNREACHED)):
+        ideal, explicit = (
+            explored(net).findings[0] for net in (ideal_pair(protocol), durable_pair(protocol, faults=0))
+        )
+        assert (ideal.kind, ideal.text) == (explicit.kind, explicit.text)
+        assert ideal.kind == kind

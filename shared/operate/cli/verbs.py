@@ -161,7 +161,6 @@ VERBS: Table = {
             ".design.diff:diff_",
             "Tell what changed between two designs.",
         ),
-        "design estimate": (".design.estimate:estimate_", "Estimate counts, sizes, bandwidth, latencies, bottlenecks."),
         "design export": (
             ".design.export:export",
             "Write the models of a design's protocols for spin (Promela).",

@@ -1,7 +1,7 @@
 """Variables, bounded queues and guarded commands: the one form from which a model and its exports are made.
 
-A net is data, so one and the same table is explored here (`net_model.NetModel`), given to spin (`promela`) and to
-Petri net tools (`pnml`). To fill it:
+A net is data, so one and the same table is explored here (`net_model.NetModel`) and given to spin (`promela`). To fill
+it:
 
   * `Variable("co", ("idle", "busy"), owner="co")`: a small finite domain of words; it starts with the first one, or
     with `start`. `owner`: the lifeline under which drawings show its value ("" = not shown).
