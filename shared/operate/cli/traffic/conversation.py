@@ -113,7 +113,7 @@ def show(
             return
         console = Console()
         for one in found:
-            console.print(sequence.heading(one.channel, one.protocol, one.id, one.states, one.ended))
+            console.print(sequence.heading(one.channel, one.protocol, one.id, one.ended))
             console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
 
 

@@ -16,8 +16,7 @@ from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems
 from operate.cli.terminal.console import Console
-from operate.cli.terminal.lifelines import Lifelines
-from operate.cli.terminal.sequence import mark
+from operate.cli.terminal.sequence import Lifelines, mark
 from operate.cli.traffic import rate_tables
 from operate.cli.traffic.echo import ENDLESS, chosen, tell_line, tell_lost
 from operate.cli.traffic.filter_options import (
@@ -33,8 +32,8 @@ from operate.cli.traffic.filter_options import (
 from operate.cli.traffic.listen import Source, about, source
 from operate.filters import Filter
 from operate.run_folder import Judged
-from topdown.draw import lifelines
-from topdown.draw.lifelines import Arrow
+from topdown.draw import sequence
+from topdown.draw.sequence import Arrow
 from topdown.model.design import Design
 
 HEADING_EACH = 30
@@ -76,7 +75,7 @@ class Sniffed:
         """Return the drawing of what is kept."""
         # By time: a verdict may have come later than those of what followed.
         kept = sorted((one for _, one in self._kept), key=lambda one: one.t)
-        return lifelines.draw(self.agents, arrows(kept), title).svg()
+        return sequence.draw(sequence.Diagram(title, tuple(self.agents), tuple(arrows(kept)))).svg()
 
 
 def sniff(
