@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from topdown.check import check
-from topdown.check.observe import Observed
+from topdown.check.recorded import Observed
 from topdown.model import loading
 from topdown.model.design import Design
 from topdown.model.elements import DesignFile

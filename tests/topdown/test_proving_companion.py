@@ -8,7 +8,7 @@ from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, Role, Row
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG, explore
-from topdown.prove.net_model import NetModel
+from topdown.prove.net import NetModel
 from topdown.prove.pairs import changed_channels, explore_use, spoken, verify_pairs
 from topdown.prove.roles import Players
 

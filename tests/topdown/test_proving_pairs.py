@@ -16,7 +16,7 @@ from topdown.model.design import Design, load
 from topdown.model.elements import Division, Split, Step
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG, explore
-from topdown.prove.net_model import NetModel
+from topdown.prove.net import NetModel
 from topdown.prove.pairs import changed_channels, ideal_pair, spoken, verify_pairs
 from topdown.prove.roles import Players, restricted
 from topdown.prove.volatile import NOT_HELD, Rules, volatile_pair

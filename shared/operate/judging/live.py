@@ -15,7 +15,7 @@ from operate.recording.fault_file import fault_in
 from operate.recording.records import House, Record, Spoken, Token
 from operate.run_folder import Again, AgentIn, Happened, LiveLine, Sent
 from operate.system import System
-from topdown.judge.copies import Remembered
+from topdown.judge.conversations import Remembered
 
 KNOWN = 50_000
 """Communicates whose copies are told as such, 10 MB (estimate)."""

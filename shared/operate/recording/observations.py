@@ -8,7 +8,7 @@ import msgspec
 from operate.recording import history
 from operate.recording.records import Spoken
 from operate.system import of_run
-from topdown.check.observe import Observation, Observed
+from topdown.check.recorded import Observation, Observed
 
 
 def observed(run: Path) -> Observed:

@@ -6,7 +6,7 @@ from html import escape
 
 import msgspec
 
-from topdown.draw import canvas, channels, machines, protocols, requirements, steps, system, text
+from topdown.draw import canvas, decomposition, document, machines, protocols, system
 from topdown.draw.document import Figure, Grid, Section
 from topdown.model.design import Design
 
@@ -107,7 +107,7 @@ class Choice(msgspec.Struct, frozen=True):
     step: int | None = None
     agent: str | None = None
     protocol: str | None = None
-    width: int = text.WIDTH
+    width: int = document.WIDTH
 
 
 EVERYTHING = Choice()
@@ -116,14 +116,14 @@ EVERYTHING = Choice()
 def sections(design: Design, choice: Choice = EVERYTHING) -> tuple[Section, ...]:
     """The sections of a choice. Raises NoSuchEntry."""
     makers: dict[What, Callable[[], Section]] = {
-        What.REQUIREMENTS: lambda: requirements.section(design, choice.width),
-        What.STEPS: lambda: steps.section(design, choice.step, choice.width),
-        What.TREE: lambda: steps.tree_section(design, choice.step, choice.width),
-        What.SYSTEM: lambda: system.section(design, choice.width),
-        What.CHANNELS: lambda: channels.section(design),
+        What.REQUIREMENTS: lambda: decomposition.requirements_section(design, choice.width),
+        What.STEPS: lambda: decomposition.steps_section(design, choice.step, choice.width),
+        What.TREE: lambda: decomposition.tree_section(design, choice.step, choice.width),
+        What.SYSTEM: lambda: system.system_section(design, choice.width),
+        What.CHANNELS: lambda: system.channels_section(design),
         What.PROTOCOLS: lambda: protocols.section(design, choice.protocol, choice.width),
-        What.INTERFACES: lambda: channels.interfaces(design, choice.agent),
-        What.BUFFERS: lambda: channels.buffers(design),
+        What.INTERFACES: lambda: system.interfaces(design, choice.agent),
+        What.BUFFERS: lambda: system.buffers(design),
         What.MACHINES: lambda: machines.section(design, choice.agent),
     }
     return tuple(makers[what]() for what in makers if {what, What.ALL} & set(choice.what))

@@ -7,9 +7,9 @@ from fipa_codec.tables import Protocol, Role, Row, Way
 from topdown.draw import exchange as exchanges
 from topdown.draw import sequence
 from topdown.draw.canvas import Canvas
-from topdown.draw.channels import seconds, size
 from topdown.draw.document import Figure, Grid, Section, listed, rulings
 from topdown.draw.exchange import Exchange, Part, Said, Sayable, exchange, spoken
+from topdown.draw.system import seconds, size
 from topdown.model.design import Design
 from topdown.model.elements import Message
 from topdown.model.elements import Protocol as Use

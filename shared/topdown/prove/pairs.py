@@ -14,8 +14,7 @@ from topdown.model.design import Design
 from topdown.model.machines import Machine
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import Exploration, explore
-from topdown.prove.net import Command, Empty, Head, Net, Queue, Send, Take, Variable, Wrong, is_
-from topdown.prove.net_model import NetModel
+from topdown.prove.net import Command, Empty, Head, Net, NetModel, Queue, Send, Take, Variable, Wrong, is_
 from topdown.prove.roles import WRONG, Pair, Players, reachable, restricted, to
 from topdown.prove.volatile import volatile_pair
 

@@ -22,8 +22,8 @@ from operate.recording.history import load
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken, understood
 from operate.run_folder import VERDICTS_FILE, Happened
-from topdown.judge import conversations, copies
-from topdown.judge.copies import Remembered
+from topdown.judge import conversations
+from topdown.judge.conversations import Remembered
 
 RECORDED = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 PAUSE_S = 1.0
@@ -82,7 +82,12 @@ def grown(recorder: Recorder, again: Again) -> list[int]:
 @pytest.mark.parametrize("channel", ["C4", pytest.param("C3", marks=pytest.mark.long)])  # large content: some ten s
 def test_memory_does_not_grow_with_what_is_said(channel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Judge, live lines and file, with what they remember filled soon."""
-    for module, name in ((copies, "REMEMBERED"), (conversations, "OVER"), (live, "KNOWN"), (tools_live, "STORY")):
+    for module, name in (
+        (conversations, "REMEMBERED"),
+        (conversations, "OVER"),
+        (live, "KNOWN"),
+        (tools_live, "STORY"),
+    ):
         monkeypatch.setattr(module, name, 100)
     told = [one for one in load(RECORDED, SYSTEM).said if one.channel == channel]
     said = [one for one in told if one.conversation == told[0].conversation]

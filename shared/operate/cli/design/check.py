@@ -16,8 +16,7 @@ from operate.cli.design import files
 from operate.cli.output import Form, Format
 from operate.cli.terminal.console import Console
 from topdown.check import recorded
-from topdown.check.estimate import Estimate, estimate
-from topdown.check.measure import Measured, measure
+from topdown.check.estimate import Estimate, Measured, estimate, measure
 from topdown.model.design import Design, load
 from topdown.model.findings import Finding
 from topdown.model.rulings import Ruling, rulings

@@ -14,7 +14,7 @@ from operate.cli.design import files
 from operate.cli.output import Form, Format
 from topdown.model.design import Design, load
 from topdown.model.errors import NoSuchEntry
-from topdown.prove.net_model import NetModel
+from topdown.prove.net import NetModel
 from topdown.prove.pairs import net_of
 from topdown.prove.promela import promela
 

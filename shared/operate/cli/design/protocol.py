@@ -17,7 +17,7 @@ from operate.cli.design.show import write
 from operate.cli.errors import UsageError
 from operate.cli.output import Form, Format, tell_json
 from operate.system import NoSystemError, here
-from topdown.draw import text
+from topdown.draw import document
 from topdown.draw.document import Grid
 from topdown.draw.protocols import ALWAYS, draw
 
@@ -89,7 +89,7 @@ def list_(form: Form = Format.TEXT) -> None:
             tell_json(found)
             return
         rows = tuple((one.name, _several(one.aliases), _several(one.openings), one.origin) for one in found)
-        print(text.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
+        print(document.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
 
 
 def show(
@@ -195,15 +195,15 @@ def _side_written(role: Role, table: Table, width: int) -> str:
         says = "says" if row.way is Way.SEND else "hears"
         rows.append((row.state if row.state != last else "", says, row.word, row.to))
         last = row.state
-    lines = [text.table(Grid(str(role), ("state", "says or hears", "act", "next state"), tuple(rows)), width)]
+    lines = [document.table(Grid(str(role), ("state", "says or hears", "act", "next state"), tuple(rows)), width)]
     for mark, words in MEANING.items():
         if states := sorted(getattr(table, mark)):
-            lines += text.hung(f"{mark:<9}", f"{', '.join(states)}: {words}", width, " " * 9)
+            lines += document.hung(f"{mark:<9}", f"{', '.join(states)}: {words}", width, " " * 9)
     return "\n".join(lines)
 
 
 def _filled(paragraphs: list[str], width: int) -> str:
-    return "\n".join(line for one in paragraphs for line in text.cell(one, width))
+    return "\n".join(line for one in paragraphs for line in document.cell(one, width))
 
 
 def _several(words: tuple[str, ...]) -> str:
@@ -211,4 +211,4 @@ def _several(words: tuple[str, ...]) -> str:
 
 
 def _width() -> int:
-    return max(LEAST, shutil.get_terminal_size((text.WIDTH, 0)).columns)
+    return max(LEAST, shutil.get_terminal_size((document.WIDTH, 0)).columns)

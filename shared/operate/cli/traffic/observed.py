@@ -8,7 +8,7 @@ import msgspec
 from operate.cli.analysis import command, environment
 from operate.cli.errors import ConsoleError, NoRunError
 from operate.system import of_run
-from topdown.check.observe import Observed
+from topdown.check.recorded import Observed
 
 TIMEOUT_S = 120.0
 """A run of an hour is read in some seconds; estimate."""
