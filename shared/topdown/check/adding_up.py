@@ -66,8 +66,13 @@ def _balance(
     said, heard = counts.get((one, other), 0), counts.get((other, one), 0)
     if not (said and heard):
         return
-    lows, highs = zip(*(_seen_from(one, use, design.tables[use.follows]) for use in uses), strict=True)
-    low, high = _least(lows), -_least(tuple(-most for most in highs))
+    lows, highs = [], []
+    for use in uses:
+        least, most = difference(_asked_once(restricted(design.tables[use.follows], listed(use))))
+        turned = use.initiator != one
+        lows.append(-most if turned else least)
+        highs.append(-least if turned else most)
+    low, high = _least(lows), -_least([-most for most in highs])
     if low <= said - heard <= high:
         return
     wrong = f"{one} says {said} to {other} and hears {heard}"
@@ -76,7 +81,7 @@ def _balance(
     yield Finding(Kind.UNBALANCED, where, wrong, right, at)
 
 
-def _least(bounds: tuple[float, ...]) -> float:
+def _least(bounds: list[float]) -> float:
     """The least of any number (one or more) of conversations, each of which is at least one of `bounds`."""
     return min(bounds) if min(bounds) >= 0 else -math.inf
 
@@ -89,12 +94,6 @@ def _range(one: str, other: str, low: float, high: float) -> str:
     if high < 0:
         return f"more of {other} than of {one}"
     return f"at least as many of {one}" if low == 0 else f"at most as many of {one}"
-
-
-def _seen_from(one: str, use: elements.Protocol, protocol: Protocol) -> tuple[float, float]:
-    """Least and most of what `one` says more than its peer, in a complete conversation."""
-    low, high = difference(_asked_once(restricted(protocol, listed(use))))
-    return (low, high) if use.initiator == one else (-high, -low)
 
 
 def _asked_once(protocol: Protocol) -> Protocol:
@@ -125,23 +124,18 @@ def _cheapest(protocol: Protocol, walked: Walked, sign: int) -> float:
     while waiting:
         here = waiting.popleft()
         for step, there in walked[here]:
-            cost = least[here] + sign * _worth(step)
+            worth = 0 if step.row.way is not Way.SEND else 1 if step.role is Role.INITIATOR else -1
+            cost = least[here] + sign * worth
             if cost < least.get(there, math.inf):
                 least[there] = cost
                 waiting.append(there)
                 if cost < -len(walked):
                     return -math.inf
-    return min((least[here] for here in least if _complete(protocol, here)), default=-math.inf)
-
-
-def _worth(step: Step) -> int:
-    if step.row.way is not Way.SEND:
-        return 0
-    return 1 if step.role is Role.INITIATOR else -1
-
-
-def _complete(protocol: Protocol, here: Configuration) -> bool:
-    """Both roles ended, nothing on its way; the beginning is not a conversation."""
-    tables = protocol.tables
-    over = all(here.state(role) in tables[role].ended for role in Role)
-    return over and not (here.to_initiator or here.to_participant)
+    # Both roles ended, nothing on its way; the beginning is not a conversation.
+    ended = {role: protocol.tables[role].ended for role in Role}
+    complete = (
+        cost
+        for here, cost in least.items()
+        if all(here.state(role) in ended[role] for role in Role) and not (here.to_initiator or here.to_participant)
+    )
+    return min(complete, default=-math.inf)

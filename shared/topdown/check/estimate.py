@@ -95,8 +95,10 @@ class _Model:
 
     def estimate(self) -> Estimate:
         uses = tuple(self._use(use) for use in self.uses.values())
-        missing = tuple(use.name for use in self.uses.values() if _lacks(use))
-        return Estimate(self.seconds, {name: self._channel(name, uses) for name in self.design.channels}, uses, missing)
+        missing = tuple(use.name for use in self.uses.values() if _lacks_figures(use))
+        return Estimate(
+            self.seconds, {name: _channel(name, uses, self.seconds) for name in self.design.channels}, uses, missing
+        )
 
     def _conversations(self, name: str, below: tuple[str, ...]) -> float:
         use = self.uses.get(name)
@@ -138,14 +140,9 @@ class _Model:
             seconds=self.took[use.name],
             latency_s=self.took[use.name] if use.answer else use.typical_latency_s,
             budget_s=use.latency_s,
-            share=self._share(use),
+            share=0.0 if not self.seconds or use.alongside else self.opened[use.name] * use.typical_s / self.seconds,
             load=Load(count, size, most, _rate(size, self.seconds), _rate(size, self._going_on(use))),
         )
-
-    def _share(self, use: elements.Protocol) -> float:
-        if not self.seconds or use.alongside:
-            return 0.0
-        return self.opened[use.name] * use.typical_s / self.seconds
 
     def _going_on(self, use: elements.Protocol) -> float:
         """Return the duration of the uses within which this one's conversations are opened [s]."""
@@ -154,16 +151,18 @@ class _Model:
             around = self.uses[around].within
         return self.opened[around] * self.took[around] if around else self.seconds
 
-    def _channel(self, name: str, uses: tuple[UseEstimate, ...]) -> Load:
-        loads = [one.load for one in uses if one.channel == name]
-        size = total(load.bytes for load in loads)
-        return Load(
-            communicates=total(load.communicates for load in loads),
-            bytes=size,
-            most_bytes=total(load.most_bytes for load in loads),
-            mean_bit_s=_rate(size, self.seconds),
-            busy_bit_s=max((load.busy_bit_s for load in loads), default=0.0),
-        )
+
+def _channel(name: str, uses: Iterable[UseEstimate], seconds: float) -> Load:
+    """The load of a channel: that of its uses."""
+    loads = [one.load for one in uses if one.channel == name]
+    size = total(load.bytes for load in loads)
+    return Load(
+        communicates=total(load.communicates for load in loads),
+        bytes=size,
+        most_bytes=total(load.most_bytes for load in loads),
+        mean_bit_s=_rate(size, seconds),
+        busy_bit_s=max((load.busy_bit_s for load in loads), default=0.0),
+    )
 
 
 def total(some: Iterable[float]) -> float:
@@ -179,7 +178,7 @@ def _has_counts(use: elements.Protocol) -> bool:
     return any(message.count is not None for message in use.message)
 
 
-def _lacks(use: elements.Protocol) -> bool:
+def _lacks_figures(use: elements.Protocol) -> bool:
     """Whether figures are missing; `per = 0` says that nobody opens it."""
     return use.per is None or (use.per > 0 and not _has_counts(use))
 
@@ -240,7 +239,8 @@ def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
     answered = answers(design, run.communicates)
     uses = []
     for use in design.file.protocol:
-        some = heard.get(use.name, [])
+        some, took_s = heard.get(use.name, []), spans.get(use.name, [])
+        size = sum(one.bytes for one in some)
         took = [one.latency_s for one in answered.get(use.name, ()) if one.latency_s is not None]
         around = total(spans.get(use.within, [])) if use.within else seconds
         uses.append(
@@ -248,14 +248,14 @@ def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
                 use=use.name,
                 channel=use.channel,
                 conversations=len(answered.get(use.name, ())),
-                seconds=_mean(spans.get(use.name, [])),
+                seconds=total(took_s) / len(took_s) if took_s else 0.0,
                 latency_s=median(took) if took else 0.0,
                 budget_s=use.latency_s,
                 share=0.0,
-                load=_load(some, seconds, around),
+                load=Load(len(some), size, 0.0, _rate(size, seconds), _rate(size, around)),
             )
         )
-    return Estimate(seconds, {name: _sum(name, uses, seconds) for name in design.channels}, tuple(uses), ())
+    return Estimate(seconds, {name: _channel(name, uses, seconds) for name in design.channels}, tuple(uses), ())
 
 
 def _spans(some: Iterable[Observation]) -> list[float]:
@@ -266,22 +266,3 @@ def _spans(some: Iterable[Observation]) -> list[float]:
         first.setdefault(one.conversation, one.at)
         last[one.conversation] = one.at
     return [last[name] - first[name] for name in first]
-
-
-def _load(some: list[Observation], seconds: float, around: float) -> Load:
-    size = sum(one.bytes for one in some)
-    mean, busy = (8 * size / span if span > 0 else 0.0 for span in (seconds, around))
-    return Load(len(some), size, 0.0, mean, busy)
-
-
-def _sum(channel: str, uses: list[UseEstimate], seconds: float) -> Load:
-    loads = [one.load for one in uses if one.channel == channel]
-    size = total(load.bytes for load in loads)
-    mean = 8 * size / seconds if seconds > 0 else 0.0
-    busy = max((load.busy_bit_s for load in loads), default=0.0)
-    return Load(total(load.communicates for load in loads), size, 0.0, mean, busy)
-
-
-def _mean(some: Iterable[float]) -> float:
-    values = list(some)
-    return total(values) / len(values) if values else 0.0

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 
 from topdown.check.estimate import total
 from topdown.model.design import Design
-from topdown.model.elements import Claim, Outcome, StatedChannel, Statement
+from topdown.model.elements import Claim, StatedChannel, Statement
 from topdown.model.findings import Finding, Kind
 
 
@@ -21,7 +21,11 @@ def findings(design: Design) -> Iterator[Finding]:
     if not design.decomposition.astray:
         for channel in stated.values():
             yield from _channel(design, where, channel)
-        yield from _missing(design, outcome)
+        listed = [set(stated.between) for stated in outcome.channels]
+        for known in design.channels.values():
+            if set(known.ends) not in listed and known.id not in design.decomposition.doubtful:
+                wrong = f"leaves out {known.id}, between {' and '.join(known.ends)}"
+                yield Finding(Kind.OUTCOME, where, wrong, "list it", ("outcome", "channels"))
 
 
 def _names(where: str, what: str, stated: Iterable[str], known: Iterable[str]) -> Iterator[Finding]:
@@ -48,14 +52,6 @@ def _channel(design: Design, where: str, stated: StatedChannel) -> Iterator[Find
         yield Finding(Kind.OUTCOME, where, f"has {stated.id} between {ends}", right, ("outcome", "channels"))
 
 
-def _missing(design: Design, outcome: Outcome) -> Iterator[Finding]:
-    listed = [set(stated.between) for stated in outcome.channels]
-    for channel in design.channels.values():
-        if set(channel.ends) not in listed and channel.id not in design.decomposition.doubtful:
-            wrong = f"leaves out {channel.id}, between {' and '.join(channel.ends)}"
-            yield Finding(Kind.OUTCOME, outcome.where, wrong, "list it", ("outcome", "channels"))
-
-
 # --- Statements of one thing in several places agree; figures within the claim's tolerance ---------------------------
 # A statement is an interval or a word or a set of words; figures agree if their intervals have a point in common.
 
@@ -73,7 +69,7 @@ def _agree(claim: Claim) -> bool:
     spans = [bounds(one) for one in claim.stated]
     figures = [span for span in spans if span is not None]
     if len(figures) < len(spans):
-        return len({_word(one) for one in claim.stated}) <= 1
+        return len({frozenset(one.says) if isinstance(one.says, tuple) else one.says for one in claim.stated}) <= 1
     least = max((low for low, _ in figures), default=0.0)
     most = min((high for _, high in figures), default=0.0)
     return least - most <= claim.tolerance * max(abs(least), abs(most))
@@ -91,10 +87,6 @@ def bounds(one: Statement) -> tuple[float, float] | None:
         value = math.prod(one.product) / math.prod(one.over)
         return value, value
     return -math.inf if one.least is None else one.least, math.inf if one.most is None else one.most
-
-
-def _word(one: Statement) -> object:
-    return frozenset(one.says) if isinstance(one.says, tuple) else one.says
 
 
 def words(one: Statement, unit: str) -> str:

@@ -144,18 +144,14 @@ def _looked_for(design: Design, one: Evidence, run: Observed | None, exists: Exi
         return msgspec.structs.replace(one, shown=Shown.SEEN if exists(path, name) else Shown.MISSING)
     if run is None:
         return one
-    count = run.events.count(one.name) if one.kind == "event" else _heard(design, said(one.name), run)
+    count = run.events.count(one.name) if one.kind == "event" else 0
+    if one.kind == "message":
+        wanted = said(one.name)
+        for heard in run.communicates:
+            use = use_of(design, heard)
+            if use is not None and (use.name, heard.performative) == (wanted.use, wanted.act):
+                count += not wanted.content or wanted.content == heard.content
     return msgspec.structs.replace(one, shown=Shown.SEEN if count else Shown.MISSING, count=count)
-
-
-def _heard(design: Design, wanted: Said, run: Observed) -> int:
-    """Return the number of times that a communicate was heard."""
-    found = 0
-    for one in run.communicates:
-        use = use_of(design, one)
-        if use is not None and (use.name, one.performative) == (wanted.use, wanted.act):
-            found += not wanted.content or wanted.content == one.content
-    return found
 
 
 def known(design: Design, wanted: Said) -> bool:

@@ -211,7 +211,9 @@ class _Walk:
             if group not in channel.ends or channel.id in self.doubtful:
                 continue
             self.doubtful.add(channel.id)
-            heirs = [new.id for new in step.channels if _inherits(new.between, channel.other(group), halves)]
+            other = channel.other(group)
+            takes_part = (new for new in step.channels if any(half in new.between for half in halves))
+            heirs = [new.id for new in takes_part if other in new.between]
             if heirs:
                 wrong = f"channel {channel.id} of the divided group {group!r} ends here, and {heirs[0]} takes its place"
                 self.doubtful.add(heirs[0])
@@ -242,8 +244,3 @@ class _Walk:
                 self._slip(Kind.ONE_END, f"channel {new.id} joins {end!r} with itself", known, "channels")
                 break
         self.channels[new.id] = Channel(new.id, new.between, (new.transmits,), self.number)
-
-
-def _inherits(ends: tuple[str, str], other: str, halves: tuple[str, str]) -> bool:
-    """Whether a new channel joins a half with the other end of the old one."""
-    return other in ends and any(half in ends for half in halves)

@@ -50,13 +50,9 @@ def read(text: str, name: str = "design.toml") -> elements.DesignFile:
     except msgspec.ValidationError as error:  # a ValueError, too
         raise _not_fitting(error, text, name) from error
     except (ValueError, RecursionError) as error:  # of tomllib: its own, numbers too long, nesting too deep
-        raise _not_toml(error, text, name) from error
-
-
-def _not_toml(error: Exception, text: str, name: str) -> DesignError:
-    found = _TOML_LINE.search(str(error))
-    line = int(found.group(1)) if found else len(text.splitlines())
-    return DesignError(name, line, "(file)", str(error), _TOML)
+        found = _TOML_LINE.search(str(error))
+        line = int(found.group(1)) if found else len(text.splitlines())
+        raise DesignError(name, line, "(file)", str(error), _TOML) from error
 
 
 def _not_fitting(error: msgspec.ValidationError, text: str, name: str) -> DesignError:

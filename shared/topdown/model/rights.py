@@ -198,11 +198,6 @@ def _rules(
     yield from _rule(f"{name} looks", "ingress", watching, ears[Action.WATCH])
 
 
-def _all_of(design: Design, system: str) -> str:
-    """Every key of a system."""
-    return design.file.system.key.split("{channel}")[0].format(system=system) + "**"
-
-
 def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> Iterator[dict[str, Any]]:
     """Yield a rule; none without keys, since Zenoh refuses an empty one."""
     if keys:
@@ -215,7 +210,8 @@ def _ears(design: Design, system: str, identity: str) -> dict[Action, list[str]]
     if identity in _speakers(design):
         ears[Action.SUBSCRIBE].append(design.keys_to(system, identity))
     if identity in design.file.system.recorders:
-        ears[Action.SUBSCRIBE].append(_all_of(design, system))
+        whole = design.file.system.key.split("{channel}")[0].format(system=system)
+        ears[Action.SUBSCRIBE].append(f"{whole}**")
     for signal in design.signals.values():
         if identity in signal.readers:
             peer = identity if identity in design.agents else "*"

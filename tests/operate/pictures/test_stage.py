@@ -20,9 +20,9 @@ from companion.tools.system import SYSTEM
 from companion.wording import at
 from operate.pictures.blueprint import LIVE_S, YOUNG, axis
 from operate.pictures.file import end_s
-from operate.pictures.graph import GRAPH, positions
 from operate.pictures.happenings import Happening
 from operate.pictures.stage import REST, Stage
+from operate.pictures.traffic import GRAPH, positions
 from operate.recording import history
 from operate.recording.records import Record
 from operate.run_folder import Judged
