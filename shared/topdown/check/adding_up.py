@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 
 from fipa_codec.exploration import Configuration, Step, edges
-from fipa_codec.tables import Protocol, Role, Table, Way
+from fipa_codec.tables import Protocol, Role, Way
 from topdown.check.protocols import listed, restricted
 from topdown.model import elements
 from topdown.model.design import Design
@@ -100,11 +100,7 @@ def _asked_once(protocol: Protocol) -> Protocol:
     """The protocol without questions that are asked again while no answer came."""
     initiator = protocol.tables[Role.INITIATOR]
     again = [row for row in initiator if row.way is Way.SEND and row.to == row.state]
-    if not again:
-        return protocol
-    rows = [row for row in initiator if row not in again]
-    ends = {"ended": initiator.ended, "urgent": initiator.urgent, "resting": initiator.resting}
-    return protocol.with_tables(initiator=Table(rows, **ends))
+    return protocol.with_tables(initiator=initiator.only(row for row in initiator if row not in again))
 
 
 def difference(protocol: Protocol) -> tuple[float, float]:

@@ -83,10 +83,7 @@ def restricted(protocol: Protocol, said: dict[Role, set[Performative]]) -> Proto
 
     def kept(role: Role) -> Table:
         table = protocol.tables[role]
-        rows = [row for row in table if row.way is Way.RECEIVE or row.performative in said[role]]
-        states = {state for row in rows for state in (row.state, row.to)}
-        ends = {"ended": table.ended & states, "urgent": table.urgent & states, "resting": table.resting & states}
-        return Table(rows, **ends)
+        return table.only(row for row in table if row.way is Way.RECEIVE or row.performative in said[role])
 
     return protocol.with_tables(initiator=kept(Role.INITIATOR), participant=kept(Role.PARTICIPANT))
 

@@ -66,7 +66,13 @@ class Moves:
         key = (states, said.performative, said.kinds)
         found = self._known.get(key)
         if found is None:
-            found = self._known[key] = self._saying(states, said)
+            if said.performative is Performative.NOT_UNDERSTOOD:
+                found = frozenset(self._broken(state, said, SEND) for state in states)
+            else:
+                find, kinds = self.table.find, said.kinds
+                rows = (find(state, SEND, said.performative, kind) for state in states for kind in kinds)
+                found = frozenset(row.to for row in rows if row is not None)
+            self._known[key] = found
         return found
 
     def taking(self, states: States, said: Said, *, sure: bool) -> States:
@@ -82,13 +88,6 @@ class Moves:
         """Return what may be said in these states."""
         words = {row.word for state in states for row in self.table.allowed(state, SEND)}
         return ", ".join(sorted(words)) or "nothing"
-
-    def _saying(self, states: States, said: Said) -> States:
-        act = said.performative
-        if act is Performative.NOT_UNDERSTOOD:
-            return frozenset(self._broken(state, said, SEND) for state in states)
-        rows = (self.table.find(state, SEND, act, kind) for state in states for kind in said.kinds)
-        return frozenset(row.to for row in rows if row is not None)
 
     def _taking(self, state: str, said: Said) -> Iterable[str]:
         table, act = self.table, said.performative

@@ -185,22 +185,15 @@ def _is_silent(machine: Machine, said: Said, silent: set[Said]) -> bool:
     event = Event(Cause.TAKE, *said)
     rows = [row for row in machine.rows if row.event == event and not row.several]
     use = machine.uses[said.use]
+    table = use.protocol.tables[use.role]
+    taken = [row for row in table if row.way is RECEIVE and (row.performative, row.kind) == (said.act, said.kind)]
     return (
         bool(rows)
-        and all(_changes_nothing(row, silent) for row in rows)
-        and _loops(use.protocol.tables[use.role], said, silent)
+        and not any(row.to or row.owes or row.waits or row.drop or row.moves for row in rows)
+        and all(one in silent for row in rows for one in row.say)
+        # every row of the table that takes it comes back to its state, over silent words that it owes
+        and all(row.state == _settled(table, str(row.to), said.use, silent) for row in taken)
     )
-
-
-def _changes_nothing(row: Row, silent: set[Said]) -> bool:
-    stays = not row.to and not row.owes and not row.waits and not row.drop and not row.moves
-    return stays and all(said in silent for said in row.say)
-
-
-def _loops(table: Table, said: Said, silent: set[Said]) -> bool:
-    """Every row of the table that takes it comes back to its state, over silent words that it owes."""
-    rows = [row for row in table if row.way is RECEIVE and (row.performative, row.kind) == (said.act, said.kind)]
-    return all(row.state == _settled(table, str(row.to), said.use, silent) for row in rows)
 
 
 def _settled(table: Table, state: str, use: str, silent: set[Said]) -> str:

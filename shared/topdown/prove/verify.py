@@ -81,7 +81,10 @@ class Act:
     def moves(self, state: Place) -> Iterator[Move]:
         """Of agent and loop, then the deaths of each."""
         yield from self._agent(state)
-        yield from self._loop(state)
+        if state.slot is Phase.WANTED:
+            yield Move(LOOP, "begins the act", state._replace(slot=Phase.RUNS, begun=state.begun + 1))
+        elif state.slot is Phase.RUNS:
+            yield Move(LOOP, "ends the act", state._replace(slot=Phase.DONE, ended=True))
         yield Move(AGENT, "dies and comes back", self._restored(state), fault=True)
         if state.slot is not Phase.EMPTY:
             yield Move(LOOP, "dies and comes back", state._replace(slot=Phase.EMPTY), fault=True)
@@ -104,28 +107,21 @@ class Act:
     def _agent(self, state: Place) -> Iterator[Move]:
         match state.agent:
             case At.IDLE if self.variant is Variant.MOVES_FIRST:
-                yield Move(AGENT, "takes the request; act -> loop", self._commanded(state, At.COMMANDED))
+                yield Move(
+                    AGENT, "takes the request; act -> loop", state._replace(agent=At.COMMANDED, slot=Phase.WANTED)
+                )
             case At.IDLE:
                 yield Move(AGENT, "takes the request, records the intent", _recorded(state, At.INTENDS, INTENT))
             case At.COMMANDED:
                 yield Move(AGENT, "records the intent", _recorded(state, At.WAITS, INTENT))
             case At.INTENDS:
-                yield Move(AGENT, "act -> loop", self._commanded(state, At.WAITS))
+                yield Move(AGENT, "act -> loop", state._replace(agent=At.WAITS, slot=Phase.WANTED))
             case At.WAITS if state.slot is Phase.DONE:
                 yield Move(AGENT, "done <- loop; records it", _recorded(state, At.KNOWS, DONE))
             case At.WAITS if state.slot is Phase.EMPTY:
                 yield Move(AGENT, "finds a new loop; records unknown", _recorded(state, At.KNOWS, UNKNOWN))
             case At.KNOWS:
                 yield Move(AGENT, f"reports {state.journal}", state._replace(agent=At.TOLD))
-
-    def _commanded(self, state: Place, then: At) -> Place:
-        return state._replace(agent=then, slot=Phase.WANTED)
-
-    def _loop(self, state: Place) -> Iterator[Move]:
-        if state.slot is Phase.WANTED:
-            yield Move(LOOP, "begins the act", state._replace(slot=Phase.RUNS, begun=state.begun + 1))
-        elif state.slot is Phase.RUNS:
-            yield Move(LOOP, "ends the act", state._replace(slot=Phase.DONE, ended=True))
 
     def _restored(self, state: Place) -> Place:
         """Moves of the agent after a death, by its journal and the slot."""
