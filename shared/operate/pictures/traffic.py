@@ -32,7 +32,9 @@ class Log:
         match happening.what:
             case Judged() as one:
                 level = LEVELS.get(Verdict(one.verdict), "ERROR")
-                what = _line(one.sender, one.receiver, one.performative, one.text, one.bytes) if one.sender else one.key
+                text = f"  {one.text}" if one.text else ""
+                said = f"{one.sender} > {one.receiver}  {one.performative}{text}  ({one.bytes} B)"
+                what = said if one.sender else one.key
                 why = f"  {one.verdict.upper()}: {one.why}" if level not in ("INFO", "DEBUG") else ""
                 self._add(happening.at, one.channel, what + why, level)
             case Lost(samples=count):
@@ -115,10 +117,6 @@ class Bandwidth:
         if kbit_s > 0 or last > 0 or name not in self._last:
             self._sheet.add(f"bandwidth/{name}", scalars, start, (kbit_s,))
         self._last[name] = (start, kbit_s)
-
-
-def _line(sender: str, receiver: str, performative: str, text: str, size: int) -> str:
-    return f"{sender} > {receiver}  {performative}{'  ' + text if text else ''}  ({size} B)"
 
 
 # --- Agents and channels as a graph: agents with their state, channels alight while they carry traffic ----------------

@@ -185,7 +185,13 @@ def grown(design: Design, step: int) -> Node:
     names = tuple(dict.fromkeys(entry.divide.group for entry in design.file.step if entry.divide))
     turns = list(product((False, True), repeat=len(names))) if len(names) <= FLIPPED else [(False,) * len(names)]
     last, channels = len(design.file.step), design.decomposition.last.channels
-    best = min(turns, key=lambda turn: _length(as_filed(design, last, names, turn), channels))
+
+    def length(turn: tuple[bool, ...]) -> int:
+        place = {node.name: index for index, node in enumerate(as_filed(design, last, names, turn).fringe)}
+        ends = (channel.ends for channel in channels)
+        return sum(abs(place[a] - place[b]) ** 2 for a, b in ends if a in place and b in place)
+
+    best = min(turns, key=length)
     return as_filed(design, step, names, best)
 
 
@@ -206,12 +212,6 @@ def _node(
     number, halves = divided[name]
     order = reversed(halves) if turned.get(name) else halves
     return Node(name, number, tuple(_node(half, divided, turned, (*above, name)) for half in order))
-
-
-def _length(tree: Node, channels: tuple[Channel, ...]) -> int:
-    place = {node.name: index for index, node in enumerate(tree.fringe)}
-    ends = (channel.ends for channel in channels)
-    return sum(abs(place[a] - place[b]) ** 2 for a, b in ends if a in place and b in place)
 
 
 def plain(design: Design, step: int, width: int) -> str:
@@ -301,19 +301,14 @@ class _Drawing:
         for channel, span, track in zip(shown, spans, tracks(spans), strict=True):
             low, high = sorted(span)
             y = bottom + 24 + TRACK * track
-            news = self._news(channel)
+            # what the step changed of it besides moving it
+            before = [c.transmits for c in self.before.channels if c.id == channel.id]
+            grown = any(transmits != channel.transmits for transmits in before)
+            news = "new" if channel.born == self.step else "more" if grown else ""
             new = " new" if news else ""
             self.canvas.line([(low, bottom), (low, y), (high, y), (high, bottom)], f"channel dashed{new}")
             words = f"{channel.id} {news}".strip()
             self.canvas.patched((_free(low, high, words, upright), y + 4), words, "strong small marked", "middle")
-
-    def _news(self, channel: Channel) -> str:
-        """Return the change of a channel by the step besides moving it."""
-        if channel.born == self.step:
-            return "new"
-        return (
-            "more" if any(c.id == channel.id and c.transmits != channel.transmits for c in self.before.channels) else ""
-        )
 
     def _port(self, shown: list[Channel], channel: Channel, end: str) -> float:
         box = self.boxes[end]
@@ -340,7 +335,7 @@ def _free(low: float, high: float, words: str, upright: list[float]) -> float:
 def steps_section(design: Design, step: int | None, width: int) -> Section:
     """A table and a tree for each step, or for one."""
     parts: list[Grid | Figure] = []
-    for number in _numbers(design, step):
+    for number in range(1, len(design.file.step) + 1) if step is None else [_checked(design, step)]:
         parts.append(_table(design, number))
         parts.append(_figure(design, number, width, f"step-{number}"))
     lead = (
@@ -358,10 +353,6 @@ def tree_section(design: Design, step: int | None, width: int) -> Section:
     lead = "Groups that were divided stand above, the fringe below; broken lines are channels."
     grid = Grid(f"Channels after step {number}", ("channel", "between", "since step", "transmits"), rows)
     return Section("tree", "Decomposition tree", lead, (_figure(design, number, width, "tree"), grid))
-
-
-def _numbers(design: Design, step: int | None) -> list[int]:
-    return list(range(1, len(design.file.step) + 1)) if step is None else [_checked(design, step)]
 
 
 def _checked(design: Design, step: int) -> int:

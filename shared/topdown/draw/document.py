@@ -69,12 +69,11 @@ _PIECES = re.compile(r"[^_.\-/|]*[_.\-/|]?")
 
 def written(sections: tuple[Section, ...], width: int = WIDTH, long: bool = False) -> str:
     """All sections, in lines of at most `width` where words allow; `long`: with tables that are details."""
-    return "\n\n\n".join(_section(section, width, long) for section in sections) + "\n"
-
-
-def _section(section: Section, width: int, long: bool) -> str:
-    head = [section.title.upper(), *textwrap.wrap(section.lead, width, break_on_hyphens=False)]
-    return "\n\n".join(["\n".join(head), *(_part(part, width, long) for part in section.parts)])
+    told = []
+    for section in sections:
+        head = [section.title.upper(), *textwrap.wrap(section.lead, width, break_on_hyphens=False)]
+        told.append("\n\n".join(["\n".join(head), *(_part(part, width, long) for part in section.parts)]))
+    return "\n\n\n".join(told) + "\n"
 
 
 def _part(part: Grid | Figure, width: int, long: bool) -> str:

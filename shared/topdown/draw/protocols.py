@@ -34,7 +34,11 @@ def section(design: Design, wanted: str | None, width: int) -> Section:
         table = design.own_tables.get(wanted or "") or fipa_table(wanted or "")
         if table is None:
             raise NoSuchEntry("protocol", str(wanted), sorted({*design.protocols, *design.tables}))
-        parts = _alone(table, width)
+        found = exchange(table)
+        figure = _figure(
+            f"protocol-{table.name}", diagram(found, f"{table.name}, by its table"), found, width, (ALWAYS,)
+        )
+        parts = [figure, _rows(f"The rows of {table.name}", table, found, None)]
     lead = "Who may say what, in which order. alt: one of these; loop: any number of times; opt: once or not at all."
     return Section("protocols", "Protocols", lead, tuple(parts))
 
@@ -56,14 +60,6 @@ def _use(use: Use, protocol: Protocol | None, about: tuple[str, ...], width: int
     if protocol is not None:
         parts.append(_rows(f"{use.name}: the rows of {use.follows}", protocol, found, sayable))
     return parts
-
-
-def _alone(protocol: Protocol, width: int) -> list[Grid | Figure]:
-    """A protocol between no particular agents."""
-    found = exchange(protocol)
-    shown = diagram(found, f"{protocol.name}, by its table")
-    figure = _figure(f"protocol-{protocol.name}", shown, found, width, (ALWAYS,))
-    return [figure, _rows(f"The rows of {protocol.name}", protocol, found, None)]
 
 
 def draw(protocol: Protocol) -> Canvas:

@@ -87,7 +87,7 @@ class _Drawing:
         shown = [c for c in channels if all(end in groups for end in c.ends) and c.ends[0] != c.ends[1]]
         self.cells = placed(groups, [c.ends for c in shown])
         self.joins = [Join(c, labels(design, c), self._sides(c)) for c in shown]
-        self.words = {group: self._task(group) for group in groups}
+        self.words = {group: wrapped(task_of(self.design, group), INNER - 2 * PORT - 24, "small") for group in groups}
         widest = max((width_of(line, "small") for lines in self.words.values() for line in lines), default=0.0)
         ports = (PAIR * self._most(group, ("top", "bottom")) + 20 for group in groups)
         self.width = max(INNER, widest + 2 * PORT + 24, *ports)  # a word longer than a line is not broken
@@ -103,9 +103,6 @@ class _Drawing:
             self._box(group)
         for join in self.joins:
             self._ports(join)
-
-    def _task(self, group: str) -> list[str]:
-        return wrapped(task_of(self.design, group), INNER - 2 * PORT - 24, "small")
 
     def _sides(self, channel: Channel) -> tuple[str, str]:
         (row, column), (other_row, other_column) = (self.cells[end] for end in channel.ends)
@@ -149,7 +146,7 @@ class _Drawing:
                 break
             corridor += 24
         for join in self.joins:
-            self._line(join)
+            self.canvas.line(self._path(join), "channel")
         for join in self.joins:
             if (spots or {}).get(join.channel.id) is not None and spots:
                 self._label(join, spots[join.channel.id])
@@ -195,9 +192,6 @@ class _Drawing:
             else:
                 return None
         return found
-
-    def _line(self, join: Join) -> None:
-        self.canvas.line(self._path(join), "channel")
 
     def _label(self, join: Join, middle: Point) -> None:
         x, y = middle
@@ -261,8 +255,12 @@ def channels_section(design: Design) -> Section:
     channels = sorted(design.channels.values(), key=lambda channel: natural(channel.id))
     uses = sorted(design.file.protocol, key=lambda use: (natural(use.channel), use.name))
     plain = tuple((c.id, "-".join(c.ends), str(c.born), "; ".join(c.transmits)) for c in channels)
+
+    def languages(use: Protocol) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(message.language for message in use.message if message.language))
+
     service = tuple(
-        (u.channel, u.name, u.follows, u.initiator, u.participant, listed(_languages(u)), u.ontology or "-")
+        (u.channel, u.name, u.follows, u.initiator, u.participant, listed(languages(u)), u.ontology or "-")
         for u in uses
     )
     budgets = tuple(_budget(design, use) for use in uses)
@@ -280,10 +278,6 @@ def channels_section(design: Design) -> Section:
         ),
     )
     return Section("channels", "Channels", "Who is joined to whom, who asks and who serves, in which words.", grids)
-
-
-def _languages(use: Protocol) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(message.language for message in use.message if message.language))
 
 
 def _budget(design: Design, use: Protocol) -> tuple[str, ...]:

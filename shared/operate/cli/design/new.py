@@ -30,18 +30,15 @@ def new(
       roco design new robot --from design.toml
     """
     try:
-        outcome = _made(folder, name, source)
+        if source is not None:
+            outcome = scaffold(text_of(source), folder, name, str(source))
+        else:
+            package = name or folder.resolve().name
+            outcome = scaffold(smallest(package), folder, package)
     except TopdownError as error:
         tell_problem(error, form)
         raise typer.Exit(1) from error
     print(msgspec.json.encode(outcome).decode() if form is Format.JSON else "\n".join(_words(outcome)))
-
-
-def _made(folder: Path, name: str, source: Path | None) -> Outcome:
-    if source is not None:
-        return scaffold(text_of(source), folder, name, str(source))
-    package = name or folder.resolve().name
-    return scaffold(smallest(package), folder, package)
 
 
 def _words(outcome: Outcome) -> list[str]:

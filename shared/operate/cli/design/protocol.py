@@ -110,7 +110,14 @@ def show(
         about, protocol = _meant(name)
         made = write(draw(protocol).svg(), svg)
         if form is Format.JSON:
-            tell_json(_plain(about, protocol))
+            roles = {
+                role: Side(
+                    tuple(Line(*row) for row in _by_state(table)),
+                    *(tuple(sorted(getattr(table, mark))) for mark in MEANING),
+                )
+                for role, table in protocol.tables.items()
+            }
+            tell_json(Shown(about, tuple(sorted(protocol.confirmed)), tuple(sorted(protocol.rounds)), roles))
         elif made:
             print(f"wrote {svg}")
         else:
@@ -154,16 +161,6 @@ def _origin(one: Protocol) -> str:
     return ("FIPA" if one in FIPA else "the paper") if differs else "FIPA and the paper"
 
 
-def _plain(about: Listed, protocol: Protocol) -> Shown:
-    roles = {role: _side(table) for role, table in protocol.tables.items()}
-    return Shown(about, tuple(sorted(protocol.confirmed)), tuple(sorted(protocol.rounds)), roles)
-
-
-def _side(table: Table) -> Side:
-    rows = tuple(Line(*row) for row in _by_state(table))
-    return Side(rows, *(tuple(sorted(getattr(table, mark))) for mark in MEANING))
-
-
 def _by_state(table: Table) -> list[Row]:
     """Return the rows, those of a state together, in the order in which states first appear."""
     places = {state: number for number, state in enumerate(dict.fromkeys(row.state for row in table))}
@@ -171,22 +168,14 @@ def _by_state(table: Table) -> list[Row]:
 
 
 def _written(about: Listed, protocol: Protocol, width: int) -> str:
-    sides = [_side_written(role, table, width) for role, table in protocol.tables.items()]
-    return "\n\n".join([_filled(_facts(about, protocol), width), *sides, _filled(_legend(protocol), width)])
-
-
-def _facts(about: Listed, protocol: Protocol) -> list[str]:
     names = f", also called {_several(about.aliases)}" if about.aliases else ""
     facts = [f"{about.name}{names}: opened by {_several(about.openings)}; rules of {about.origin}", about.text]
     facts += [f"Each {act} is answered by a confirm." for act in sorted(protocol.confirmed)]
     facts += [f"Each further {act} of the initiator opens a new round." for act in sorted(protocol.rounds)]
-    return [fact for fact in facts if fact]
-
-
-def _legend(protocol: Protocol) -> list[str]:
-    """Return the kinds of its acts in words, and what no table says."""
+    sides = [_side_written(role, table, width) for role, table in protocol.tables.items()]
     used = {row.kind for table in protocol.tables.values() for row in table}
-    return [*(f"[{kind}]: {words}." for kind, words in KINDS.items() if kind in used), ALWAYS]
+    legend = [*(f"[{kind}]: {words}." for kind, words in KINDS.items() if kind in used), ALWAYS]
+    return "\n\n".join([_filled(list(filter(None, facts)), width), *sides, _filled(legend, width)])
 
 
 def _side_written(role: Role, table: Table, width: int) -> str:

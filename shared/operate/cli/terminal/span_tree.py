@@ -92,7 +92,7 @@ def _lines(trace: Trace, span: Span, branch: str = "", below: str = "", *, every
     for _, beside in groupby(span.beside, key=lambda one: (one.sender, one.receiver, one.protocol)):
         rows.append(tuple(beside))
     rows += _grouped(trace, trace.children(span), every=every)
-    rows.sort(key=_begin)
+    rows.sort(key=lambda row: row[0].sent if isinstance(row[0], Message) else row[0].start)
     for n, row in enumerate(rows):
         last = n == len(rows) - 1
         here, under = below + ("└─ " if last else "├─ "), below + ("   " if last else "│  ")
@@ -102,11 +102,6 @@ def _lines(trace: Trace, span: Span, branch: str = "", below: str = "", *, every
             yield from _lines(trace, row[0], here, under, every=every)
         else:
             yield _many(tuple(one for one in row if isinstance(one, Span)), here)
-
-
-def _begin(row: tuple[Span, ...] | tuple[Message, ...]) -> float:
-    first = row[0]
-    return first.sent if isinstance(first, Message) else first.start
 
 
 def _grouped(trace: Trace, children: Sequence[Span], *, every: bool) -> Iterator[tuple[Span, ...]]:
