@@ -81,7 +81,7 @@ class Reader:
         return bool(self.closed(states) & self.final)
 
     def words(self, states: frozenset[int]) -> dict[Word, frozenset[int]]:
-        """Return the words that may be said, each with the states it leads to."""
+        """The words that may be said, each with the states it leads to."""
         found: dict[Word, frozenset[int]] = {}
         for state in self.closed(states):
             for word, there in self.spoken[state]:

@@ -56,7 +56,7 @@ def default(field: msgspec.structs.FieldInfo) -> str:
 
 
 def section(title: str) -> str:
-    """Return the text under a heading."""
+    """The text under a heading."""
     found = re.search(rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)
     assert found, f"docs/design/format.md has no section {title}"
     return found.group(1)

@@ -18,7 +18,7 @@ GAPS = {Kind.NOT_ASKED_AGAIN, Kind.NO_BUDGET, Kind.NO_MACHINE, Kind.SILENT_CHANN
 
 @pytest.fixture(scope="module")
 def findings() -> tuple[Finding, ...]:
-    """Return the checker's findings."""
+    """The checker's findings."""
     return check(load(contradictions.PRINTED))
 
 

@@ -32,7 +32,7 @@ def explored(net):
 
 
 def story(finding):
-    """Return the acts of a finding as short words."""
+    """The acts of a finding as short words."""
     return [f"{step.who} {step.what}" for step in finding.trace]
 
 

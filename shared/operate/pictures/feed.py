@@ -62,7 +62,7 @@ class Queue:
                 self.dropped += 1
 
     def take(self, most: int = BATCH_BYTES) -> list[Item]:
-        """Return the oldest items of at most this many bytes, at least one if there is one."""
+        """The oldest items of at most this many bytes, at least one if there is one."""
         taken: list[Item] = []
         size = 0
         with self._lock:
@@ -108,7 +108,7 @@ class Feed:
 
     @property
     def dropped(self) -> int:
-        """Return the number of items that found no room so far."""
+        """The number of items that found no room so far."""
         return self._queue.dropped
 
     @property

@@ -193,7 +193,7 @@ def positions(design: Design) -> dict[str, tuple[float, float]]:
 
 
 def ring(design: Design) -> list[str]:
-    """Return the agents so that channels lead from one to the next, where they do; the least connected first."""
+    """The agents so that channels lead from one to the next, where they do; the least connected first."""
     beside = {
         a: [b for one in design.channels.values() if a in one.ends for b in one.ends if b != a] for a in design.agents
     }

@@ -107,7 +107,7 @@ class _Model:
         return _per(use) * (self._conversations(use.within, (*below, name)) if use.within else 1.0)
 
     def _seconds(self, name: str, above: tuple[str, ...]) -> float:
-        """Return the duration of one conversation, with all that is opened within it."""
+        """The duration of one conversation, with all that is opened within it."""
         if name in above:
             return 0.0
         children = [use for use in self.uses.values() if use.within == name and not use.alongside]
@@ -121,7 +121,7 @@ class _Model:
         return [(message, count * times) for message, count, times in zip(use.message, counts, opened, strict=True)]
 
     def _shortest(self, use: elements.Protocol) -> list[float]:
-        """Return the count of each message in the shortest conversation; an act that is listed twice counts once."""
+        """The count of each message in the shortest conversation; an act that is listed twice counts once."""
         table = self.design.tables.get(use.follows)
         steps = shortest(restricted(table, listed(use))) if table else ()
         ends = {Role.INITIATOR: use.initiator, Role.PARTICIPANT: use.participant}
@@ -145,7 +145,7 @@ class _Model:
         )
 
     def _going_on(self, use: elements.Protocol) -> float:
-        """Return the duration of the uses within which this one's conversations are opened [s]."""
+        """The duration of the uses within which this one's conversations are opened [s]."""
         around = use.within
         while around and self.uses[around].alongside:
             around = self.uses[around].within
@@ -166,7 +166,7 @@ def _channel(name: str, uses: Iterable[UseEstimate], seconds: float) -> Load:
 
 
 def total(some: Iterable[float]) -> float:
-    """Return the sum; what is too large is infinite, where math.fsum would raise."""
+    """The sum; what is too large is infinite, where math.fsum would raise."""
     return reduce(add, some, 0.0)
 
 
@@ -228,7 +228,7 @@ def measure(design: Design, estimated: Estimate, run: Observed) -> tuple[Measure
 
 
 def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
-    """Return the figures with which an estimate would have been right; latencies are medians."""
+    """The figures with which an estimate would have been right; latencies are medians."""
     heard: dict[str, list[Observation]] = defaultdict(list)
     for one in run.communicates:
         if (use := use_of(design, one)) is not None:
@@ -259,7 +259,7 @@ def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
 
 
 def _spans(some: Iterable[Observation]) -> list[float]:
-    """Return the duration of each conversation, from its first message to its last [s]."""
+    """The duration of each conversation, from its first message to its last [s]."""
     first: dict[str, float] = {}
     last: dict[str, float] = {}
     for one in some:

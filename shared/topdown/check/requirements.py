@@ -64,7 +64,7 @@ KINDS = ("event", "test", "message")
 
 
 def said(name: str) -> Said:
-    """Return what the words of a message evidence name. Raises ValueError, which says how they are written."""
+    """What the words of a message evidence name. Raises ValueError, which says how they are written."""
     parts = name.split()
     if len(parts) not in (2, 3):
         raise ValueError(f"{name!r} names no communicate; write `message:USE act` or `message:USE act LANGUAGE.Class`")
@@ -222,7 +222,7 @@ def _circular(name: str, parents: Mapping[str, str]) -> bool:
 
 
 def step_findings(design: Design) -> Iterator[Finding]:
-    """Return the findings of replaying the steps (paper, section 4, step 2)."""
+    """The findings of replaying the steps (paper, section 4, step 2)."""
     for slip in design.decomposition.slips:
         at = ("step", slip.step - 1, slip.part) if slip.part else ("step", slip.step - 1)
         yield Finding(slip.kind, f"step {slip.step}", slip.wrong, slip.right, at)

@@ -192,7 +192,7 @@ def size_of(css: str) -> float:
 
 
 def width_of(words: str, css: str = "") -> float:
-    """Return the width of words, rather too wide than too narrow [px]."""
+    """The width of words, rather too wide than too narrow [px]."""
     ems = fsum(0.34 if c in _NARROW else 0.92 if c in _WIDE else 0.7 if c.isupper() else 0.57 for c in words)
     return ems * size_of(css) * (1.07 if "strong" in css else 1.0)
 
@@ -220,7 +220,7 @@ class Canvas:
 
     @property
     def frame(self) -> Box:
-        """Return the visible rectangle: everything drawn and a margin."""
+        """The visible rectangle: everything drawn and a margin."""
         if not self._extent:
             return Box(0, 0, 2 * MARGIN, 2 * MARGIN)
         left, top = min(b.x for b in self._extent) - MARGIN, min(b.y for b in self._extent) - MARGIN

@@ -32,7 +32,7 @@ class Covered(msgspec.Struct, frozen=True):
 
     @property
     def by(self) -> str:
-        """Return a short description of what covers it."""
+        """A short description of what covers it."""
         if not self.steps:
             return "no step handles it"
         which = ", ".join(str(step) for step in self.steps)
@@ -66,7 +66,7 @@ def requirements_section(design: Design, width: int) -> Section:
 
 
 def _evidence(tree: tuple[Covered, ...]) -> tuple[Grid, ...]:
-    """Return the evidence of the requirements, if the design names any; a leaf without evidence is marked."""
+    """The evidence of the requirements, if the design names any; a leaf without evidence is marked."""
     if not any(entry.evidence for entry in tree):
         return ()
     rows = []
@@ -174,7 +174,7 @@ class Node(msgspec.Struct, frozen=True):
 
     @property
     def depth(self) -> int:
-        """Return the number of levels below."""
+        """The number of levels below."""
         return 1 + max(half.depth for half in self.halves) if self.halves else 0
 
 
@@ -320,7 +320,7 @@ class _Drawing:
 
 
 def _free(low: float, high: float, words: str, upright: list[float]) -> float:
-    """Return a place on a line where words meet no line that goes down: near the middle, if possible."""
+    """A place on a line where words meet no line that goes down: near the middle, if possible."""
     half = width_of(words, "strong small") / 2 + 6
     middle = (low + high) / 2
     room = max(0.0, (high - low) / 2 - half)

@@ -58,7 +58,7 @@ def _states(agent: Agent) -> Grid:
 
 
 def _sense(agent: Agent) -> Grid:
-    """Return the purpose of the states, and the protocols in which they act."""
+    """The purpose of the states, and the protocols in which they act."""
     rows = tuple((state.name, listed(state.talks), state.text) for state in agent.state)
     notes = rulings(*((state.name, state.ruling) for state in agent.state))
     return Grid(f"{agent.name}: what is done there", ("state", "talks in", "what it does"), rows, notes)
@@ -94,7 +94,7 @@ def _choices(agent: Agent) -> Grid:
 
 
 def label_of(agent: Agent, arc: Arc) -> str:
-    """Return the label of an arc: its place among the state's arcs if there are several, and its condition."""
+    """The label of an arc: its place among the state's arcs if there are several, and its condition."""
     beside = [other for other in agent.arc if other.source == arc.source]
     if len(beside) == 1:
         return arc.when
@@ -198,5 +198,5 @@ class _Drawing:
             self.canvas.words((start[0] + side.sign * 8, start[1] - 4), label, "small", anchor)
 
     def _steps(self, arc: Arc) -> int:
-        """Return the number of layers that an arc leads down."""
+        """The number of layers that an arc leads down."""
         return self.rank[arc.target] - self.rank[arc.source]

@@ -63,7 +63,7 @@ def _use(use: Use, protocol: Protocol | None, about: tuple[str, ...], width: int
 
 
 def draw(protocol: Protocol) -> Canvas:
-    """Return the drawing of a protocol between no particular agents, with its name above."""
+    """The drawing of a protocol between no particular agents, with its name above."""
     canvas = sequence.draw(diagram(exchange(protocol), f"The protocol {protocol.name}"))
     canvas.words((canvas.boxes[0].x, -14), protocol.name, "strong large")
     return canvas

@@ -30,12 +30,12 @@ class Join(msgspec.Struct, frozen=True):
 
     @property
     def width(self) -> float:
-        """Return the width of its label [px]."""
+        """The width of its label [px]."""
         return max(width_of(self.label[0], "strong"), *(width_of(line, "small") for line in self.label[1:]), 0.0) + 8
 
     @property
     def height(self) -> float:
-        """Return the height of its label [px]."""
+        """The height of its label [px]."""
         return LINE * len(self.label) + 6
 
 
@@ -49,13 +49,13 @@ def system_section(design: Design, width: int) -> Section:
 
 
 def labels(design: Design, channel: Channel) -> tuple[str, ...]:
-    """Return the label of a channel: its id, and who asks whom in which protocol."""
+    """The label of a channel: its id, and who asks whom in which protocol."""
     uses = (use for use in design.file.protocol if use.channel == channel.id)
     return (channel.id, *dict.fromkeys(f"{use.follows}: {use.initiator} → {use.participant}" for use in uses))
 
 
 def task_of(design: Design, group: str) -> str:
-    """Return the task of a group: from the step that made it, or from the entry of a group that stays one."""
+    """The task of a group: from the step that made it, or from the entry of a group that stays one."""
     texts = {entry.name: entry.text for entry in design.file.group}
     return design.decomposition.tasks.get(group, "") or texts.get(group, "")
 
@@ -281,7 +281,7 @@ def channels_section(design: Design) -> Section:
 
 
 def _budget(design: Design, use: Protocol) -> tuple[str, ...]:
-    """Return the costs of one use of a protocol."""
+    """The costs of one use of a protocol."""
     asked = max((m.bytes for m in use.message if m.sender == use.initiator), default=0)
     answered = max((m.bytes for m in use.message if m.sender == use.participant), default=0)
     delivery = "durable" if use.durable else "newest value" if use.latest else "asked again"

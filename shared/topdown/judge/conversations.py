@@ -67,7 +67,7 @@ class Talk:
         self.pending: list[Entry] = []
         self.waits: dict[Role, Waits] = {}
         self.opened: tuple[float, elements.Protocol] | None = None
-        """Return when it was opened [s], and in which use; None once it was answered."""
+        """When it was opened [s], and in which use; None once it was answered."""
 
     @property
     def agents(self) -> tuple[str, str]:
@@ -233,7 +233,7 @@ class Talks:
 
 
 def _how_late(at: float, wait: Waits) -> str:
-    """Return why an answer sent at `at` is late; also if its question was long on its way."""
+    """Why an answer sent at `at` is late; also if its question was long on its way."""
     asked = wait.entry.communicate
     question, way_s = f"{asked.performative} {asked.id}", wait.entry.heard.at - asked.sent if asked.sent else 0.0
     slow = f"; {question} itself was heard {way_s:.3f} s after it was sent" if way_s > ON_ITS_WAY_S else ""
@@ -266,7 +266,7 @@ class Remembered(Generic[T]):
         self._noted: OrderedDict[int, T] = OrderedDict()
 
     def note(self, key: Hashable, value: T) -> T | None:
-        """Return the value noted under this key before; where there was none, note `value`."""
+        """The value noted under this key before; where there was none, note `value`."""
         name = hash(key)
         before = self._noted.get(name)
         if before is None:
@@ -297,7 +297,7 @@ class Copies:
         self._journals: defaultdict[str, int] = defaultdict(int)
 
     def note(self, heard: Heard, rule: Rule) -> Known:
-        """Return the state of this communicate's id and remember it. A message without an id is always new.
+        """What is known of this communicate's id, which is noted. A message without an id is always new.
 
         A latest value that is still due is said once more in a new conversation: only there it is a copy.
         """
@@ -328,7 +328,7 @@ class Streams(Generic[T]):
         self._held: dict[Pair, dict[int, T]] = {}
 
     def put(self, pair: Pair, number: int, entry: T, *, first: int | None = None) -> list[T] | None:
-        """Return what is in order now; nothing, while a smaller number is missing; None if older than the first heard.
+        """What is in order now; nothing, while a smaller number is missing; None if older than the first heard.
 
         `first`: the number a stream begins with, where that is known.
         """

@@ -159,7 +159,7 @@ class _Walk:
                 self.doubtful.discard(move.channel)
 
     def _end_to_move(self, step: Step, channel: Channel) -> str:
-        """Return the divided group's end; of a channel in doubt, the end that is not a group."""
+        """The divided group's end; of a channel in doubt, the end that is not a group."""
         if step.divide is not None and step.divide.group in channel.ends:
             return step.divide.group
         lost = [end for end in channel.ends if end not in self.groups]
@@ -189,7 +189,7 @@ class _Walk:
     def _fault_of_split(
         self, step: Step, channel: Channel, into: tuple[str, str], moved: set[str]
     ) -> tuple[str, str] | None:
-        """Return the fault of a split and its correction."""
+        """The fault of a split and its correction."""
         if not self._end_to_move(step, channel):
             return f"{channel.id} does not end at the divided group", "split channels of the divided group only"
         if channel.id in moved:

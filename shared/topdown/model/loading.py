@@ -34,7 +34,7 @@ def load(path: Path) -> elements.DesignFile:
 
 
 def text_of(path: Path) -> str:
-    """Return what is written in a file, without a byte order mark. Raise DesignError where it is not UTF-8."""
+    """What is written in a file, without a byte order mark. Raises DesignError where it is not UTF-8."""
     data = path.read_bytes().removeprefix(BOM_UTF8)
     try:
         return data.decode()
@@ -73,7 +73,7 @@ def parts(path: str) -> Path_:
 
 
 def _right(path: Path_, wrong: str) -> str:
-    """Return in words what the entry at `path` may hold."""
+    """In words what the entry at `path` may hold."""
     kind: Any = elements.DesignFile
     for part in path:
         kind = _step(kind, part)

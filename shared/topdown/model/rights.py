@@ -62,7 +62,7 @@ class Family(msgspec.Struct, frozen=True, order=True):
 
 
 def identities(design: Design) -> tuple[str, ...]:
-    """Return agents and groups that speak, other readers and writers, and the router: each has its own certificate."""
+    """Agents and groups that speak, other readers and writers, and the router: each has its own certificate."""
     others = [name for signal in design.signals.values() for name in (*signal.writers, *signal.readers)]
     return tuple(dict.fromkeys([*_speakers(design), *design.file.system.recorders, *others, ROUTER]))
 
@@ -83,7 +83,7 @@ def families(design: Design, system: str) -> tuple[Family, ...]:
 
 
 def _speakers(design: Design) -> tuple[str, ...]:
-    """Return the agents, and the groups that say or hear a communicate."""
+    """The agents, and the groups that say or hear a communicate."""
     ends = sorted(name for rule in design.rules.values() for name in (rule.sender, rule.receiver))
     return tuple(dict.fromkeys((*design.agents, *ends)))
 
@@ -150,7 +150,7 @@ def links_control(design: Design, system: str, agent: str, names: dict[str, str]
 
 
 def _control(rules: dict[str, list[dict[str, Any]]]) -> dict[str, Any]:
-    """Return the configuration of these rules, by the common name that they are for."""
+    """The configuration of these rules, by the common name that they are for."""
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -235,7 +235,7 @@ def _is_token(signal: Signal) -> bool:
 
 
 def _hearers(design: Design, family: Family) -> tuple[str, ...]:
-    """Return the identities that may hear it: what goes by a link its receiver; of a communicate that goes by the
+    """The identities that may hear it: what goes by a link its receiver; of a communicate that goes by the
     router the receiver and the recorders, else the readers.
     """
     if not routed(design, family):

@@ -117,7 +117,7 @@ class Fleet:
         return self._all_rest(state)
 
     def wrong(self, state: Flat) -> str:
-        """Return the fault of a state: an event that no row covers."""
+        """The fault of a state: an event that no row covers."""
         if isinstance(state[0], str):
             return state[0]
         for slot, number in self.inbound:
@@ -231,7 +231,7 @@ class Fleet:
         return tuple(found)
 
     def endless(self) -> tuple[str, ...]:
-        """Return the words that may fill a queue and are not in the model; of how many wait nothing is proven."""
+        """The words that may fill a queue and are not in the model; of how many wait nothing is proven."""
         machines = [agent.machine for agent in self.parts.agents if agent.machine.agent not in self.groups]
         return tuple(dict.fromkeys(told for one in machines for told in endless(one, self.parts.silent)))
 

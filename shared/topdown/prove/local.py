@@ -131,7 +131,7 @@ class Agent:
         return outcomes
 
     def late_answers(self, name: str) -> tuple[Said, ...]:
-        """Return the runtime's answer to a cancel that is not open: one word or, where the table owes none, nothing."""
+        """The runtime's answer to a cancel that is not open: one word or, where the table owes none, nothing."""
         use = self.machine.uses[name]
         table = use.protocol.tables[use.role]
         taken = table.find(START, RECEIVE, Performative.CANCEL)
@@ -139,7 +139,7 @@ class Agent:
         return tuple(Said(name, row.performative, row.kind) for row in owed[:1])
 
     def _spontaneous(self, local: Local) -> tuple[tuple[Outcome, Event], ...]:
-        """Return the events without a message, except restarts: own, person, back (with news of that peer), late."""
+        """The events without a message, except restarts: own, person, back (with news of that peer), late."""
         found: list[tuple[Outcome, Event]] = []
         for row in self.machine.spontaneous.get(local.state, ()):
             event = row.event

@@ -159,7 +159,7 @@ class Net(NamedTuple):
         return {thing.name: thing for thing in self.things}
 
     def counted(self, faults: int | None, name: str = "faults left") -> "Net":
-        """Return the same net in which at most `faults` fault commands happen (None: any number, as it is)."""
+        """The same net in which at most `faults` fault commands happen (None: any number, as it is)."""
         if faults is None:
             return self
         values = tuple(str(number) for number in range(faults + 1))

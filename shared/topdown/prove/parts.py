@@ -139,7 +139,7 @@ def silent_words(machines: Iterable[Machine], forbidden: frozenset[Said] = froze
 
 
 def endless(machine: Machine, silent: Collection[Said]) -> Iterator[str]:
-    """Return in words what an agent says over and over in durable uses, taking nothing in between, though the model
+    """In words what an agent says over and over in durable uses, taking nothing in between, though the model
     leaves it out: words that are silent, and those under `may`.
     """
     for row in _free_loops(machine):
@@ -197,7 +197,7 @@ def _is_silent(machine: Machine, said: Said, silent: set[Said]) -> bool:
 
 
 def _settled(table: Table, state: str, use: str, silent: set[Said]) -> str:
-    """Return the state that the words owed in a state lead to, if all of them are silent."""
+    """The state that the words owed in a state lead to, if all of them are silent."""
     seen = set()
     while state in table.urgent and state not in seen:
         seen.add(state)
@@ -328,7 +328,7 @@ class Parts:
         return value
 
     def net(self, net: int) -> Net:
-        """Return the net of a volatile use: the words on their way."""
+        """The net of a volatile use: the words on their way."""
         value: Net = self.nets.values[net]
         return value
 
@@ -375,7 +375,7 @@ class Parts:
         return found
 
     def net_after(self, net: int, kind: int, said: Said | None) -> int:
-        """Return the net of a volatile use after an effect."""
+        """The net of a volatile use after an effect."""
         key = (net, kind, said)
         found = self._nets.get(key)
         if found is None:
@@ -460,7 +460,7 @@ _NET: dict[int, Any] = {
 
 
 def _pairs(agents: list[Agent]) -> set[tuple[str, str]]:
-    """Return the pairs (sender, receiver) that have a durable stream."""
+    """The pairs (sender, receiver) that have a durable stream."""
     return {
         pair
         for agent in agents

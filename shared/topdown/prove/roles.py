@@ -95,7 +95,7 @@ class Pair:
                     yield str(state), row.word, True
 
     def wrong_words(self, role: Role, state: str, word: str, forgotten: bool) -> str:
-        """Return in words the row that is missing."""
+        """In words the row that is missing."""
         where = f"in state {state}, its conversation forgotten," if forgotten else f"in state {state}"
         return f"{self.players.named(role)} {where} has no row for {word}"
 
@@ -115,7 +115,7 @@ def to(variable: str, value: object) -> Effect:
 
 
 def reachable(table: Table) -> Table:
-    """Return the rows that a walk from the start reaches, whatever the peer does."""
+    """The rows that a walk from the start reaches, whatever the peer does."""
     known, waiting = {START}, [START]
     while waiting:
         state = waiting.pop()

@@ -195,7 +195,7 @@ def tasks(
     seconds: float | None = None,
     skip_start: bool = False,
 ) -> Iterator[Task]:
-    """Return the proofs to run, in order. `step`: only channels which that step of the design created or changed (layer
+    """The proofs to run, in order. `step`: only channels which that step of the design created or changed (layer
     2). `gone`: agents that may die for good, besides. `seconds` of CPU time limit each. `skip_start`: the start of all
     agents is not explored by itself. Raises NoSuchEntry, IndexError, ValueError.
     """
@@ -256,7 +256,7 @@ def _open(found: Exploration) -> tuple[str, ...]:
 
 
 def waiting(design: Design, gone: str) -> tuple[str, ...]:
-    """Return all agents that must come to rest though `gone` never comes back: those that persons talk to, or, where
+    """All agents that must come to rest though `gone` never comes back: those that persons talk to, or, where
     persons talk to none, all the others. Raises NoSuchEntry; ValueError where persons talk to `gone` alone.
     """
     composed(design).agent(gone)

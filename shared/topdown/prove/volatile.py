@@ -261,7 +261,7 @@ def volatile_pair(
     latest: bool = False,
     rules: Rules | None = None,
 ) -> Net:
-    """Return the net of a protocol whose conversations are volatile (`latest`: with observations), and at most `faults`
+    """The net of a protocol whose conversations are volatile (`latest`: with observations), and at most `faults`
     faults (None: any number).
     """
     return _Volatile(Pair(protocol, players or Players()), latest, rules or Rules()).net().counted(faults)

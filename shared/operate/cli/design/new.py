@@ -42,7 +42,7 @@ def new(
 
 
 def _words(outcome: Outcome) -> list[str]:
-    """Return the outcome in words for people."""
+    """The outcome in words for people."""
     lines = [f"{outcome.folder}: {len(outcome.written)} files written, {len(outcome.same)} as they were"]
     lines += [f"  {path}" for path in outcome.written]
     for kept in outcome.kept:

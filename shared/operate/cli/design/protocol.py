@@ -125,14 +125,14 @@ def show(
 
 
 def every() -> list[tuple[Listed, Protocol]]:
-    """Return all protocols, those of the design here first. Raise DesignError where it cannot be read."""
+    """All protocols, those of the design here first. Raises DesignError where it cannot be read."""
     own = _own()
     others = sorted((one for one in known() if one.name not in own), key=lambda one: one.name)
     return [*own.values(), *((_listed(one, _origin(one)), one) for one in others)]
 
 
 def _own() -> dict[str, tuple[Listed, Protocol]]:
-    """Return the protocols that the design of the system here brings along; none if no system is found."""
+    """The protocols that the design of the system here brings along; none if no system is found."""
     try:
         system = here()
     except NoSystemError:
@@ -156,13 +156,13 @@ def _listed(one: Protocol, origin: str, words: str = "") -> Listed:
 
 
 def _origin(one: Protocol) -> str:
-    """Return the origin of a protocol's rules: one of the two profiles, or both."""
+    """The origin of a protocol's rules: one of the two profiles, or both."""
     differs = (one in FIPA) != (one in PAPER)
     return ("FIPA" if one in FIPA else "the paper") if differs else "FIPA and the paper"
 
 
 def _by_state(table: Table) -> list[Row]:
-    """Return the rows, those of a state together, in the order in which states first appear."""
+    """The rows, those of a state together, in the order in which states first appear."""
     places = {state: number for number, state in enumerate(dict.fromkeys(row.state for row in table))}
     return sorted(table, key=lambda row: places[row.state])
 

@@ -137,7 +137,7 @@ def line(verdict: Verdict, width: int) -> str:
 
 
 def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
-    """Return a summary of all verdicts, and of what none of them covers."""
+    """A summary of all verdicts, and of what none of them covers."""
     failed = sum(bool(verdict.findings) for verdict in verdicts)
     opened = sum(bool(verdict.open) for verdict in verdicts)
     states = sum(verdict.states for verdict in verdicts)

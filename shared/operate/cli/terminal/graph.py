@@ -246,7 +246,7 @@ def _label(node: Node | None, names: int, system: System) -> Text:
 
 
 def _light(edge: Edge, at: float) -> str:
-    """Return the brightness of a channel."""
+    """The brightness of a channel."""
     if edge.last is not None and at - edge.last < JUST_NOW_S:
         return "bold green"
     return "green" if edge.per_s else "dim"
