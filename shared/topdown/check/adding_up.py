@@ -23,31 +23,21 @@ ON_THE_WAY = 1
 Walked = Mapping[Configuration, list[tuple[Step, Configuration]]]
 
 
-def findings(design: Design) -> Iterator[Finding]:
-    """Of the counts that the design file itself has."""
-    if design.file.tally is not None:
-        counts = {(sender, receiver): count for sender, receiver, count in design.file.tally.counts}
-        yield from sums(design, counts, design.file.tally.where)
-
-
 def sums(design: Design, counts: Counts, where: str = "run") -> Iterator[Finding]:
     """Of any counts: (sender, receiver) -> how many."""
-    at = ("tally",) if where != "run" else ()
     pairs = {frozenset(channel.ends): channel.id for channel in design.channels.values()}
     for (sender, receiver), count in counts.items():
         if count and frozenset((sender, receiver)) not in pairs:
             wrong = f"{count} communicates from {sender} to {receiver}, and no channel joins them"
-            yield Finding(Kind.NO_CHANNEL, where, wrong, "give them a channel, or send it another way", at)
+            yield Finding(Kind.NO_CHANNEL, where, wrong, "give them a channel, or send it another way")
     for channel in design.channels.values():
         uses = [use for use in design.file.protocol if use.channel == channel.id]
-        yield from _directions(where, channel.ends, counts, uses, at)
+        yield from _directions(where, channel.ends, counts, uses)
         if uses and all(use.follows in design.tables for use in uses):
-            yield from _balance(design, where, uses, counts, at)
+            yield from _balance(design, where, uses, counts)
 
 
-def _directions(
-    where: str, ends: tuple[str, str], counts: Counts, uses: list[elements.Protocol], at: tuple[str, ...]
-) -> Iterator[Finding]:
+def _directions(where: str, ends: tuple[str, str], counts: Counts, uses: list[elements.Protocol]) -> Iterator[Finding]:
     """Directions with messages in the design and none in the run, though the peer did talk."""
     for sender, receiver in (ends, ends[::-1]):
         acts = sorted({m.performative for use in uses for m in use.message if m.sender == sender})
@@ -55,12 +45,10 @@ def _directions(
             said = f"which says {', '.join(acts)} in the design" if acts else "although a channel joins them"
             wrong = f"{receiver} is never told anything by {sender}, {said}"
             right = f"{counts[receiver, sender]} went the other way"
-            yield Finding(Kind.NEVER_HEARD, where, wrong, right, at)
+            yield Finding(Kind.NEVER_HEARD, where, wrong, right)
 
 
-def _balance(
-    design: Design, where: str, uses: list[elements.Protocol], counts: Counts, at: tuple[str, ...]
-) -> Iterator[Finding]:
+def _balance(design: Design, where: str, uses: list[elements.Protocol], counts: Counts) -> Iterator[Finding]:
     """Compare the surplus of one end's messages with the bounds of the protocols between them."""
     one, other = uses[0].initiator, uses[0].participant
     said, heard = counts.get((one, other), 0), counts.get((other, one), 0)
@@ -78,7 +66,7 @@ def _balance(
     wrong = f"{one} says {said} to {other} and hears {heard}"
     names = " and ".join(use.name for use in uses)
     right = f"conversations of {names} that end have {_range(one, other, low, high)}"
-    yield Finding(Kind.UNBALANCED, where, wrong, right, at)
+    yield Finding(Kind.UNBALANCED, where, wrong, right)
 
 
 def _least(bounds: list[float]) -> float:

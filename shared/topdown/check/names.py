@@ -37,7 +37,6 @@ def _kinds(design: Design) -> Iterator[Named]:
     yield Named("agent", ("agent",), tuple(entry.name for entry in file.agent))
     yield Named("group", ("group",), tuple(entry.name for entry in file.group))
     yield Named("signal", ("signal",), tuple(entry.kind for entry in file.signal))
-    yield Named("claim", ("claim",), tuple(entry.name for entry in file.claim))
     for index, agent in enumerate(file.agent):
         yield Named(f"agent {agent.name}, state", ("agent", index, "state"), tuple(state.name for state in agent.state))
         own = tuple(one.name for one in agent.parameter)

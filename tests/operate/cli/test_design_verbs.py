@@ -34,7 +34,7 @@ def test_findings_exit_with_1_and_have_file_and_line() -> None:
     done = roco("check", PRINTED)
     assert done.exit_code == 1
     assert "paper_as_printed.toml:62: group never introduced" in done.output
-    assert "50 findings: " in done.output
+    assert "34 findings: " in done.output
 
 
 @pytest.mark.parametrize("columns", [80, 120])
