@@ -186,11 +186,12 @@ def test_a_publisher_that_refuses_may_take_a_late_copy():
     assert (finding.trace[-1].after["km"], finding.trace[-1].after["ta"]) == (State.REFUSED, State.LIVE)
 
 
-@pytest.mark.parametrize("protocol", [REQUEST, SUBSCRIBE], ids=lambda p: p.name)
-def test_what_needs_a_durable_stream_is_told_where_it_is_volatile(protocol):
+def test_what_needs_a_durable_stream_is_told_where_it_is_volatile():
     """A result, or the failure that ends a subscription, is said once: only reply-by ends the wait if it is lost."""
-    found = explored(volatile_pair(protocol, faults=1))
-    assert {finding.kind for finding in found.findings} >= {UNREACHED}
+    small = restricted(REQUEST, {ASKER: {"request"}, SERVER: {"agree", "inform", "refuse"}})
+    for protocol in (small, SUBSCRIBE):
+        found = explored(volatile_pair(protocol, faults=1))
+        assert UNREACHED in {finding.kind for finding in found.findings}, protocol.name
 
 
 # --- of a design ------------------------------------------------------------------------------------------------------
