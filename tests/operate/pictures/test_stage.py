@@ -10,6 +10,7 @@ from noted import Noted, live
 
 from companion.design import DESIGN
 from companion.languages import hfsm, rc, sw
+from companion.sentences import at
 from companion.tools import telemetry
 from companion.tools.pictures import robot
 from companion.tools.pictures.acts import DONE, PLANNED
@@ -17,7 +18,6 @@ from companion.tools.pictures.drawers import ACT, LOOP
 from companion.tools.pictures.plan import PLAN
 from companion.tools.pictures.velma import VELMA
 from companion.tools.system import SYSTEM
-from companion.wording import at
 from operate.pictures.blueprint import LIVE_S, YOUNG, axis
 from operate.pictures.file import end_s
 from operate.pictures.happenings import Happening
