@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from services.human_interface import grammar
 from services.human_interface.catalogue import CATALOGUE
 from services.human_interface.grammar import VOCABULARY, understand
-from services.human_interface.meaning import When
+from services.human_interface.local import When
 
 POLISH = ("najpierw", "jak najszybciej", "do godziny 15", "o 15:30")
 URGENT, PLAIN = When(urgent=True), When()
