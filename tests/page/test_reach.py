@@ -98,7 +98,7 @@ def test_who_is_on_a_button_stays_on_it(house, opened):
 
 
 def test_no_serious_finding_of_axe(house, opened):
-    """Names, roles, order, contrast: with all parts shown, stopped, lost, and at the door; in all choices of colours."""
+    """Names, roles, order, contrast: with all parts shown, stopped, lost, and at the door, in all colours."""
     one, door, found = opened(), opened(paired=False), {}
 
     def look(place, on):
