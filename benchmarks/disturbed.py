@@ -38,7 +38,7 @@ from companion.languages.cmd import BACK
 from companion.languages.facts import Facts
 from companion.sentences import operator
 from companion.skills.loop_messages import KNOT_S, Motion
-from companion.skills.sight import Eye
+from companion.skills.situation import Eye
 from companion.skills.skill import Asked, Sensed
 from companion.tasks.open_door.done import OpenDoor
 from companion.tasks.pour.done import Pour, PourKind

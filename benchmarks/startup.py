@@ -35,7 +35,7 @@ from agent_runtime.io.tap import Sample, open_tap
 from companion.run_files import HI_FILE
 from companion.telemetry import RobotState, told
 from companion.tools.verbs.hi import Hi, address
-from companion.tools.verbs.main_job import SENTENCE
+from companion.tools.verbs.pour_run import SENTENCE
 from operate.cli.fleet import starting
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders

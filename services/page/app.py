@@ -28,8 +28,8 @@ from starlette.routing import Route
 
 from companion import commands
 from companion.run_files import MOST_EAST_MIN, Pairing, Say, TaskLine
+from companion.sentences import plain
 from companion.stop_words import AT_ONCE_S, calls_for_help, may_answer, stop_words
-from companion.wording import plain
 from services.page import view
 from services.page.guard import cookie_name
 from services.page.hi_client import Hi, HiError

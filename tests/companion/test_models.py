@@ -9,10 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.all_languages import WM
-from companion.handles import HANDLE
 from companion.languages import wm
 from companion.languages.values import Box, Cylinder, Pose
-from companion.models import CLOSINGS, GRASPS, LYING, MODELS, REACH, fitting
+from companion.models import CLOSINGS, GRASPS, HANDLE, LYING, MODELS, REACH, fitting
 from velma.kinematics.frames import lies
 
 

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Side
-from companion.planning.asking import Asking, Unanswered
+from companion.planning.methods import Asking, Unanswered
 from companion.planning.situation import SIDES
 from companion.planning.steps import Step, approach_points, hand_steps
 from velma.kinematics.frames import transform

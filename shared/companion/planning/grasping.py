@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from companion.handles import HANDLE
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Fact, Kind, fact
 from companion.languages.values import Side
-from companion.models import LYING
+from companion.models import HANDLE, LYING
 from companion.planning.methods import fallen
 from companion.planning.situation import Situation, configured, on_wire
 from companion.planning.steps import CLOSE_S, Geometry, Step, approach_points, free_speed, horizontal, move

@@ -1,24 +1,229 @@
 """Where a held thing can be put down, and the primitive step that puts it there."""
 
 import math
-from collections.abc import Sequence
-from itertools import islice
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice, product
 
 import numpy as np
 import pinocchio as pin
 
 from companion.languages import hfsm, rc, wm
+from companion.languages.cmd import BACK
 from companion.languages.facts import Kind, fact
-from companion.languages.values import Side
+from companion.languages.values import Cylinder, Pose, Shape, Side
 from companion.planning.grasping import ANY_TORSO, TORSO, preferred
-from companion.planning.places import Inside, Spot, Surfaces, clear, places, spots
+from companion.planning.methods import StateFacts
 from companion.planning.situation import Held, Situation, configured, on_wire
 from companion.planning.steps import EFFORTS, OPEN_S, QUICK, Geometry, Step, approach_points, hand_steps, move
+from velma.kinematics.frames import heading, transform
 from velma.kinematics.motion import Motion
-from velma.kinematics.tasks.grasping import GraspWay
-from velma.kinematics.tasks.inserting import insertions
-from velma.kinematics.tasks.placing import Placing, backwards, placings
+from velma.kinematics.shapes import solid
+from velma.kinematics.tasks.grasping import LIFT_M, GraspWay
+from velma.kinematics.tasks.inserting import Opening, insertions
+from velma.kinematics.tasks.placing import FROM_ABOVE, Placing, Volume, backwards, placings, points_on, turned, within
 from velma.kinematics.tasks.speeds import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED
+
+# --- Places to put something down: free spots on flat surfaces that km knows, in reach of the arm, best first --------
+
+
+GRID_M, MARGIN_M = 0.025, 0.05  # placement grid and margin of the published planner (proghtn-backstream@019fd34)
+BEST_DISTANCE_M, BEST_HEADING = 0.78, math.radians(42.0)  # where runs with the true robot model put and poured
+TURNING_M = 0.5  # a radian from the best heading is as bad as this distance [m] from the best distance (estimate)
+TOGETHER = 8  # spots tried together (estimate)
+NEAR_M = 0.05  # [m] from a spot that is not free; once more from those tried for each time (estimate)
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A point (3,) [m] on a flat surface of the thing `surface`."""
+
+    surface: str
+    at: np.ndarray
+
+    def near(self, others: Iterable["Spot"], distance: float = NEAR_M) -> bool:
+        """Whether one of the others is close to it."""
+        return any(math.dist(self.at, other.at) < distance for other in others)
+
+
+def spots(
+    geometry: Geometry, state: str, side: Side, foot: float, name: str, on: tuple[str, ...] = ()
+) -> Iterator[list[Spot]]:
+    """Yield free spots for the thing `name`, which stands on a disc of radius `foot` [m], some at a time; `on`: on this
+    furniture alone.
+
+    Those above the shoulders come last. km is asked only for the spots that are used. The spot where the thing itself
+    stood counts as free."""
+    reach = geometry.ask(wm.RobotReach(state=state, side=side), wm.Reach)
+    surfaces = geometry.ask(wm.FlatSurfaces(state=state), wm.Surfaces).surfaces
+    near = _within(reach, (one for one in surfaces if not on or one.object in on), foot)
+    shoulder = max(s[2] for s in reach.shoulders)
+    for overhead in (False, True):
+        found = [spot for spot in near if (spot.at[2] > shoulder) == overhead]
+        yield from _free(geometry, state, sorted(found, key=lambda spot: _far_off(spot, side)), name)
+
+
+def _free(geometry: Geometry, state: str, found: list[Spot], name: str) -> Iterator[list[Spot]]:
+    """Yield free spots, each time farther from those before: beside some that did not do, others rarely do."""
+    taken: list[Spot] = []
+    tried: list[Spot] = []
+    free: list[Spot] = []
+    apart = NEAR_M
+    for spot in found:
+        if spot.near(taken) or spot.near(tried, apart):
+            continue
+        (free if clear(geometry, state, spot, name) else taken).append(spot)
+        if len(free) == TOGETHER:
+            yield free
+            tried, free, apart = [*tried, *free], [], apart + NEAR_M
+    if free:
+        yield free
+
+
+def _within(reach: wm.Reach, surfaces: Iterable[wm.Surface], foot: float) -> list[Spot]:
+    """Return the spots that the arm reaches with the torso turned."""
+    shoulders = turned(reach.shoulders)
+    found = [Spot(surface.object, at) for surface in surfaces for at in grid(surface, foot)]
+    return [spot for spot in found if within(spot.at, shoulders, reach.near, reach.far)]
+
+
+def _far_off(spot: Spot, side: Side) -> float:
+    """Return how far a spot is from where putting down and pouring went well [m]."""
+    wanted = -BEST_HEADING if side is Side.RIGHT else BEST_HEADING
+    away = abs(math.hypot(spot.at[0], spot.at[1]) - BEST_DISTANCE_M)
+    return away + TURNING_M * abs(heading(spot.at) - wanted)
+
+
+def grid(surface: wm.Surface, foot: float, margin: float = MARGIN_M) -> Iterator[np.ndarray]:
+    """Yield points of a surface (3,), far enough from its edges."""
+    yield from points_on(transform(surface.at), surface.size, foot, margin=margin, spacing=GRID_M)
+
+
+def clear(geometry: Geometry, state: str, spot: Spot, name: str, room: Volume = FROM_ABOVE) -> bool:
+    """Whether the space above the spot is free, also of other parts of the thing it is on."""
+    volume = Cylinder(room.radius, room.height, Pose(room.centre(spot.at)))
+    query = wm.CollisionsInVolume(state=state, volume=volume, ignored=(name,))
+    return not geometry.ask(query, wm.Objects).objects
+
+
+# --- Goal places of a thing -------------------------------------------------------------------------------------------
+
+
+BESIDE_M = 0.02  # room beside a thing behind an opening, for a finger (estimate)
+BEHIND_OPENING = 12  # free places behind an opening that are tried (estimate)
+EDGE_M = 0.01  # from the foot of a thing to the edge of a shelf (estimate)
+NEXT_M = 0.08  # between two of them (estimate)
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """Furniture that a thing may be put on from above, all of it where none is named; there a single spot, if any."""
+
+    on: tuple[str, ...] = ()
+    spot: Spot | None = None
+
+
+@dataclass(frozen=True)
+class Inside:
+    """Free spots behind an opening, best first."""
+
+    opening: Opening
+    spots: tuple[Spot, ...]
+
+
+Place = Surfaces | Inside
+
+
+def places(geometry: Geometry, state: str, name: str, where: str) -> Iterator[Place]:
+    """Yield where a thing may go; `where`: an id or class of furniture, BACK, or "" for any surface."""
+    facts = geometry.facts
+    if not where:
+        yield Surfaces()
+        return
+    if where == BACK:
+        yield from _before(geometry, facts, state, name)
+        return
+    known = facts.places(state, where)
+    if on := tuple(one for one in known if not facts.container(state, one)):
+        yield Surfaces(on)
+    for around in known:
+        if facts.container(state, around):
+            yield from _inside(geometry, state, name, around, _grid(geometry, state, name, around))
+
+
+def _before(geometry: Geometry, facts: StateFacts, state: str, name: str) -> Iterator[Place]:
+    """Yield the place where the thing stood before it was taken."""
+    origin = facts.origin(state, name)
+    if not origin.on:
+        geometry.failed(fact(Kind.FIRST_PLACE_UNKNOWN, name))
+        return
+    base = np.add(origin.pose.xyz, (0.0, 0.0, geometry.model(state, name).base_z))
+    spot = Spot(origin.on, base)
+    if facts.container(state, origin.on) and base[2] < _edges(geometry, state, origin.on)[1]:
+        yield from _inside(geometry, state, name, origin.on, [spot])
+    else:
+        yield Surfaces((origin.on,), spot)
+
+
+def _inside(geometry: Geometry, state: str, name: str, around: str, spots: list[Spot]) -> Iterator[Place]:
+    """Yield the free ones of these spots."""
+    room = _room(geometry.model(state, name))
+    free: list[Spot] = []
+    for spot in spots:
+        if len(free) < BEHIND_OPENING and not spot.near(free, NEXT_M) and clear(geometry, state, spot, name, room):
+            free.append(spot)
+    if free:
+        yield Inside(opening(geometry, state, name, around), tuple(free))
+    else:
+        geometry.failed(fact(Kind.NO_ROOM, name, around))
+
+
+def _grid(geometry: Geometry, state: str, name: str, around: str) -> list[Spot]:
+    """Return spots on the shelves below the top of the opening, those near the middle of a shelf first."""
+    shelves = geometry.ask(wm.FlatSurfaces(state=state, object=around), wm.Surfaces).surfaces
+    middle, top = _edges(geometry, state, around)
+    foot = geometry.model(state, name).base_radius
+    found = [
+        (float(np.linalg.norm(at - shelf.at.xyz)) + abs(shelf.at.xyz[2] - middle), number, Spot(around, at))
+        for number, shelf in enumerate(shelves)
+        if shelf.at.xyz[2] < top
+        for at in grid(shelf, foot, EDGE_M)
+    ]
+    return [spot for _, _, spot in sorted(found, key=lambda one: one[:2])]
+
+
+def opening(geometry: Geometry, state: str, name: str, around: str) -> Opening:
+    """Return the opening of furniture, and how far a thing has to come out of it."""
+    out = geometry.outwards(state, around)
+    grasps = geometry.ask(wm.GraspSet(state=state, object=name), wm.Grasps).grasps
+    return Opening(around, out, grasps[0].out)
+
+
+def _edges(geometry: Geometry, state: str, around: str) -> tuple[float, float]:
+    """Return the heights of middle and upper edge of an opening [m]."""
+    hole = geometry.ask(wm.ObjectHole(state=state, object=around), wm.Hole)
+    middle = float(geometry.pose(state, around).act(np.array(hole.centre))[2])
+    return middle, middle + hole.radius
+
+
+def _room(model: wm.ModelOf) -> Volume:
+    """Return the room that a thing needs behind an opening, from its base up."""
+    points = np.concatenate([_corners(shape) for shape in model.shapes])
+    radius, top = float(np.abs(points[:, :2]).max()), float(points[:, 2].max())
+    return Volume(radius + BESIDE_M, top - model.base_z + LIFT_M)
+
+
+def _corners(shape: Shape) -> np.ndarray:
+    """Return the corners (8, 3) of the box around a shape, in the frame of its thing."""
+    around = solid(shape)
+    around.computeLocalAABB()
+    low, high = around.aabb_local.min_, around.aabb_local.max_
+    at = transform(shape.at)
+    return np.array([at.act(np.array(corner)) for corner in product(*zip(low, high, strict=True))])
+
+
+# --- Where a held thing can be put down, and the primitive step that puts it there ------------------------------------
+
 
 # --- Grasps and places behind an opening that go together ------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from companion.languages import wm
 from companion.languages.values import Box, Pose, Shape, Side
-from companion.planning.asking import Asking
+from companion.planning.methods import Asking
 from velma import names
 from velma.kinematics import collision
 from velma.kinematics.frames import transform, xyz_quat

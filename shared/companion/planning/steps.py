@@ -12,16 +12,17 @@ import numpy as np
 import pinocchio as pin
 
 from companion.languages import hfsm, rc, wm
-from companion.languages.facts import Facts
-from companion.languages.values import Pose, Side
+from companion.languages.facts import Facts, Kind, fact
+from companion.languages.values import Pose, Side, Vector
+from companion.look_around import EVERYWHERE
 from companion.planning.methods import Known
-from companion.planning.situation import Situation, on_wire, situation
+from companion.planning.situation import Situation, configured, on_wire, situation
 from velma import names
 from velma.kinematics import ik, motion
 from velma.kinematics.frames import tilt, transform
 from velma.kinematics.motion import Keep, Motion
 from velma.kinematics.robot import Robot
-from velma.kinematics.tasks.carrying import upright
+from velma.kinematics.tasks.carrying import FINGERS, homes, upright
 from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED
 from velma.kinematics.timing import timed
 
@@ -169,3 +170,67 @@ def hand_steps(grasp: wm.GraspDef) -> list[tuple[pin.SE3, float]]:
 def approach_points(steps: Iterable[tuple[pin.SE3, float]]) -> tuple[rc.ApproachPoint, ...]:
     """Return grip poses with finger angles [rad], as RC has them."""
     return tuple(rc.ApproachPoint(on_wire(pose), fingers) for pose, fingers in steps)
+
+
+# --- Primitive steps that turn the head: at one thing, and for one ----------------------------------------------------
+
+
+# [s] of one point of a look around, and of a single look (estimates); only for the expected duration
+POINT_S, LOOK_S = 1.2, 2.0
+
+
+def look_at(step: hfsm.Step, points: tuple[Vector, ...]) -> Step:
+    """Return the step that looks at points (in the world, [m]) in turn. It needs no fact."""
+    return Step(step, (rc.Look(key="", at=points),), (), POINT_S * len(points))
+
+
+def look_for(word: str) -> Step:
+    """Return the step that looks wherever the head can be turned to, for a thing that has not been seen."""
+    return look_at(hfsm.Step("look-for", (word,)), EVERYWHERE)
+
+
+def look(geometry: Geometry, state: str, name: str) -> Step:
+    """Return the step that looks where the object should be."""
+    return _look(geometry, state, name, "")
+
+
+def confirm(geometry: Geometry, state: str, name: str) -> Step:
+    """Return the step that looks whether the object stands where it was put; what is not seen is not checked."""
+    return _look(geometry, state, name, name)
+
+
+def _look(geometry: Geometry, state: str, name: str, put: str) -> Step:
+    x, y, z = (float(v) for v in geometry.pose(state, name).translation)
+    return Step(hfsm.Step("look-at", (name,)), (rc.Look(key="", at=((x, y, z),), put=put),), (), LOOK_S)
+
+
+# --- The primitive step that brings an empty arm home -----------------------------------------------------------------
+
+
+def home(geometry: Geometry, state: str, side: Side) -> Step | None:
+    """Return the step that brings an empty arm to its start posture; the torso turns where that is free.
+
+    None, with the reason noted, where no path is found. A step that is asked for again is not searched again.
+    """
+    if (state, side) not in geometry.homes:
+        geometry.homes[state, side] = _home(geometry, geometry.at(state), side)
+    found = geometry.homes[state, side]
+    if found is None:
+        geometry.failed(fact(Kind.NO_WAY_HOME, side))
+    return found
+
+
+def _home(geometry: Geometry, here: Situation, side: Side) -> Step | None:
+    """Return the step of the first goal that is reached."""
+    goals = [goal for goal in homes(here.q, side) if here.world.free(goal)]
+    reached = geometry.free_motion(here, side, goals)
+    if reached is None:
+        return None
+    _, way = reached
+    speed = free_speed(here)
+    return Step(
+        hfsm.Step("home", side=side),
+        (move(side, way, speed, FINGERS),),
+        configured(side, way.path[-1], FINGERS),
+        way.duration,
+    )

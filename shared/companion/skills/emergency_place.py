@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from companion import models
 from companion.languages.values import Side
-from companion.skills import own_paths
+from companion.skills import moving
 from companion.skills.situation import Situation
 from velma.kinematics import backing, motion
 from velma.kinematics.frames import heading, level, standing, tilt
@@ -96,7 +96,7 @@ def free_spot(
     if height is not None:
         spots = [(name, spot) for name, spot in spots if abs(spot[2] - height) < SAME_M]
     keep = upright(here.robot, side, held.T_grip_object, max(largest, tilt(held_pose(here, side)) + 0.1))
-    for margin in own_paths.ROOM_M if spots else ():
+    for margin in moving.ROOM_M if spots else ():
         with attaching.room(here.world, margin):
             found = placings(
                 here.robot, here.world, side, here.q, held.object, held.T_grip_object, spots, retreat, rng, tries=TRIES
@@ -104,7 +104,7 @@ def free_spot(
             for placing in islice(found, WAYS):
                 way = motion.plan(
                     here.robot, here.world, side, here.q, placing.above, keep=keep, tool_speed=LOADED_SPEED,
-                    attempts=own_paths.ATTEMPTS,
+                    attempts=moving.ATTEMPTS,
                 )  # fmt: skip
                 if way is not None:
                     return placing.place, way.path

@@ -1,6 +1,6 @@
 """Skills that move an arm: along a planned joint path, in a straight line, and home."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -8,14 +8,58 @@ import pinocchio as pin
 
 from companion.languages import rc
 from companion.languages.facts import Fact, Facts, Kind, fact
-from companion.skills import motions, own_paths
-from companion.skills.situation import Situation
+from companion.skills import motions
+from companion.skills.situation import MARGIN_M, Situation
 from companion.skills.skill import NotPossible, Skill, SkillRow, replan
 from velma import names
-from velma.kinematics import backing, ik
+from velma.kinematics import backing, ik, motion
 from velma.kinematics.frames import shifted, tilt
+from velma.kinematics.tasks import attaching
 from velma.kinematics.tasks.carrying import FINGERS, homes, upright
 from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED, RETREAT_SPEED
+
+# [m] tried in turn. In task runs hands were up to 24 mm beside their path, mostly 10; poses seen are wrong by 4 mm.
+ROOM_M = (0.02, 0.01, MARGIN_M)
+ATTEMPTS = 2  # trees for each goal: any path will do, and ta waits (estimate)
+
+
+def free_path(
+    here: Situation,
+    side: str,
+    goals: Iterable[np.ndarray],
+    speed: float,
+    keep: motion.Keep | None = None,
+) -> list[np.ndarray] | None:
+    """Return a free path to the first possible of `goals` (15,), with the largest margin possible, or None."""
+    wanted = list(goals)
+    for margin in ROOM_M:
+        with attaching.room(here.world, margin):
+            for goal in wanted:
+                found = motion.plan(
+                    here.robot, here.world, side, here.q, goal, keep=keep, tool_speed=speed, attempts=ATTEMPTS
+                )
+                if found is not None:
+                    return found.path
+    return None
+
+
+def rest(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
+    """Return the rest of a path from the present posture on."""
+    return path[_reached(here, path) :] if path else []
+
+
+def back(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
+    """Return the way from the present posture back to the begin of a path that was followed as far as here."""
+    return path[: _reached(here, path) + 1][::-1]
+
+
+def _reached(here: Situation, path: list[np.ndarray]) -> int:
+    """Return which posture of a path is nearest to the present one."""
+    return int(np.argmin([np.abs(q - here.q).max() for q in path]))
+
+
+# --- Skills that move an arm: along a planned joint path, in a straight line, and home --------------------------------
+
 
 JOIN_STEP = 0.05  # [rad] between two states checked on the way to a path
 NEAR = 1e-4  # [rad]
@@ -71,7 +115,7 @@ def _clear(here: Situation, path: list[np.ndarray], side: str, bent: float | Non
             T_grip_object = here.held[side].T_grip_object
             tilted = max(tilt(here.robot.grip(state, side) * T_grip_object) for state in path)
             keep = upright(here.robot, side, T_grip_object, tilted + TILTED_MORE)
-        another = own_paths.free_path(here, side, path[-1:], speed, keep)
+        another = free_path(here, side, path[-1:], speed, keep)
     finally:
         here.world.fingers(side, here.fingers[side])
     if another is None:
@@ -193,7 +237,7 @@ def home(here: Situation, command: rc.Home) -> Skill:
     aside = backing.out_of_touch(here.robot, here.world, side, here.q)
     if len(aside) > 1:
         yield motions.along(here, command.key, aside, RETREAT_SPEED)
-    path = own_paths.free_path(here, side, homes(here.q, side), speed)
+    path = free_path(here, side, homes(here.q, side), speed)
     if path is None:
         raise replan(fact(Kind.NO_WAY_HOME, side))
     yield motions.along(here, command.key, path, speed, watch=_watched(here, path[-1]) if here.put else None)

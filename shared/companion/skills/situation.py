@@ -7,7 +7,9 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import Protocol
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 
@@ -15,8 +17,6 @@ from companion import models
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Side, Uncertainty
-from companion.skills.sight import Sight
-from companion.skills.unfinished import Unfinished
 from velma import names
 from velma.eyes.lens import HEIGHT, WIDTH, lens
 from velma.kinematics.collision import World
@@ -24,6 +24,64 @@ from velma.kinematics.robot import Robot
 from velma.kinematics.shapes import Cylinder
 from velma.model.kinds import DOORS
 from velma.names import Array
+
+Neck = tuple[float, float, float]
+"""Measured torso, pan and tilt [rad]: the joints between the world and the camera."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """A detected thing: its name, and its pose in the world with the error that eyes have.
+
+    `content`: mass of what is seen in it [kg]; None where these eyes, or from there, do not tell. An arm before the
+    opening hides some of it, and from low down its own wall does (not `whole`). `uncertainty`: of the pose; None where
+    these eyes do not tell.
+    """
+
+    name: str
+    T_world_object: pin.SE3
+    content: float | None = None
+    uncertainty: Uncertainty | None = None
+    whole: bool = True
+
+
+class Eye(Protocol):
+    """Eyes in the robot's head. The simulator gives them its state in place of light.
+
+    `wrong`: fault of the camera at the last look (velma.eyes.health.Wrong), "" for none; `off`: error of the measured
+    torso or head by that look [rad], 0 for none. With a faulty camera or a large error, nothing is seen.
+    """
+
+    wrong: str
+    off: float
+
+    def look(self, world: Array, neck: Neck, /) -> list[Sight]:
+        """Return what is seen in the state `world` (nq,). The robot is at rest."""
+        ...
+
+    def close(self) -> None:
+        """End what the eyes started."""
+        ...
+
+
+# --- Content on its way from a held thing into another one, as ex remembers it from act to act ------------------------
+
+
+class Unfinished(msgspec.Struct, frozen=True):
+    """A move of content that was begun: into which thing, and what the hand felt of the source [kg].
+
+    `full`: the mass before the move, with what had left in earlier ones; None: it was not felt. `left`: the mass that
+    left in all of them, None while the last one has not been weighed. `had`: the mass seen in the destination before.
+    """
+
+    destination: str
+    full: float | None
+    left: float | None = None
+    had: float = 0.0
+
+
+# --- Situation of ex during an act: posture, what it saw, what its hands hold, and the collision world of all this ----
+
 
 SURE_M = 1.3  # markers of all things are read from there: 1.00 up to 1.1 m, 0.92 to 1.5 m (trial, docs/eyes.md)
 SURE_MARKERS = 3  # in view, by which a thing is surely seen: two would do where each is read (estimate)

@@ -17,15 +17,14 @@ from companion.languages import rc
 from companion.languages.evidence import AnyClaim, Sense
 from companion.languages.facts import Fact, Facts
 from companion.skills.loop_messages import Cancel, GripReport, LookAgain, Motion
-from companion.skills.sight import Sight
-from companion.skills.situation import Situation
+from companion.skills.situation import Sight, Situation
 
 
 @dataclass(frozen=True)
 class Sensed:
     """After or during a motion: how it ended, why, set-point q and measured joints (15,) [rad], touches, grips, sights.
 
-    `wrong`, `off`: of the eyes that had these sights (companion.skills.sight.Eye).
+    `wrong`, `off`: of the eyes that had these sights (companion.skills.situation.Eye).
     """
 
     ended: str

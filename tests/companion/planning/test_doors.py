@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from companion.languages import hfsm, rc
 from companion.languages.facts import Kind, fact
-from companion.planning.asking import Asking
+from companion.planning.methods import Asking
 from companion.planning.situation import situation
 from companion.tasks.open_door import plan as leaves
 from companion.tasks.open_door.done import OpenDoor

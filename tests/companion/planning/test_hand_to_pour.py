@@ -5,7 +5,7 @@ from msgspec.structs import replace
 
 from companion.languages import hfsm
 from companion.languages.values import Side
-from companion.planning.asking import Asking
+from companion.planning.methods import Asking
 from companion.planning.steps import Geometry
 from companion.tasks.pour import plan as pouring
 from companion.tasks.pour.done import Pour

@@ -7,7 +7,7 @@ from companion.languages.facts import Kind, fact
 from companion.languages.hfsm import HierarchicalPlan, NoPlan
 from companion.languages.values import Pose
 from companion.models import MODELS
-from companion.planning import engine
+from companion.planning import search
 from services.knowledge.observe import observed
 from services.knowledge.scene import Scene
 
@@ -47,9 +47,9 @@ def test_other_things_are_taken_beside_it(task, km, with_lid: Scene) -> None:
 
 def test_a_search_ends_after_a_number_of_tried_steps(km, with_lid: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a reason; one that needs no more of them finds its plan."""
-    monkeypatch.setattr(engine, "MOST_STEPS", 1)
+    monkeypatch.setattr(search, "MOST_STEPS", 1)
     found = km(with_lid).plan("clear_table")
     assert isinstance(found, NoPlan), found
     assert fact(Kind.SEARCH_TOO_LONG, 1) in found.why
-    monkeypatch.setattr(engine, "MOST_STEPS", 45)
+    monkeypatch.setattr(search, "MOST_STEPS", 45)
     assert isinstance(km(with_lid).plan("clear_table"), HierarchicalPlan)

@@ -7,8 +7,7 @@ from robot import Acting
 from companion.languages import rc
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
-from companion.skills.sight import Sight
-from companion.skills.situation import Situation
+from companion.skills.situation import Sight, Situation
 from companion.tasks.pour.done import Pour
 from services.executor.loop.core import LoopCore
 from velma.control.grip import HAND_KG

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from companion.languages import hfsm, rc
-from companion.tools.why.plans import _ends
+from companion.tools.why import _ends
 from operate.cli.__main__ import app
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"

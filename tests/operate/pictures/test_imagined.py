@@ -12,8 +12,8 @@ from companion.languages.values import Side
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot
 from companion.tools.pictures.imagined import ROBOT, THINGS, End, Imagined
+from companion.tools.pictures.robot import entity
 from companion.tools.pictures.scene import Scene
-from companion.tools.pictures.velma import entity
 from companion.tools.telemetry import truth
 from fipa_codec.communicate import encode
 from operate.pictures.happenings import Happening

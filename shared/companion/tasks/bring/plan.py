@@ -4,8 +4,7 @@ from companion.languages import hfsm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.planning.methods import Known, Subtasks
-from companion.planning.places import Surfaces
-from companion.planning.placing import above, retreating
+from companion.planning.placing import Surfaces, above, retreating
 from companion.planning.registry import Argument, Plan, each_hand, each_try
 from companion.planning.situation import configured
 from companion.planning.steps import Geometry, Step, move

@@ -15,12 +15,11 @@ import pinocchio as pin
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
-from companion.planning.homing import home
 from companion.planning.methods import Known, Subtasks
 from companion.planning.placing import place, retreating
 from companion.planning.registry import Argument, Plan, each_hand, each_try
 from companion.planning.situation import Situation, configured
-from companion.planning.steps import Geometry, Step, move
+from companion.planning.steps import Geometry, Step, home, move
 from companion.tasks.hand_over.done import HandOver, HandOverKind
 from velma.kinematics import ik
 from velma.kinematics.frames import heading, standing, transform
@@ -33,7 +32,7 @@ WAIT_S = 30.0  # issue
 OVER_M = 0.15  # of the thing's foot above the table: a person's hand has room below it (estimate)
 EDGE_STEP_M = 0.05  # between two points of an edge (estimate)
 OUTWARDS = 0.3  # least cosine between an edge's outward direction and that away from the robot (estimate)
-BEST_M = 0.78  # from the robot, where it puts down and pours well (companion.planning.places)
+BEST_M = 0.78  # from the robot, where it puts down and pours well (companion.planning.placing)
 ASKEW = (0.0, 0.4, -0.4, 0.8, -0.8)  # rad: of the hand from the way away from the robot, best first (estimates)
 GOALS, MOST_POINTS = 6, 30  # postures to choose from, points tried (estimates)
 TORSO = (-1.2, 1.2)  # rad, of the torso, as where things are put down (velma.kinematics.tasks.placing)

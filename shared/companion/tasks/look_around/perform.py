@@ -10,10 +10,9 @@ import numpy as np
 
 from companion.languages import rc
 from companion.skills import motions
-from companion.skills.looking_again import REST_S
 from companion.skills.loop_messages import Motion
 from companion.skills.moving import joining
-from companion.skills.senses import require_sight
+from companion.skills.senses import REST_S, require_sight
 from companion.skills.situation import Situation
 from companion.skills.skill import NotPossible, Sensed, Skill, SkillRow
 from velma import names

@@ -2,10 +2,9 @@
 
 from companion.languages import hfsm
 from companion.look_around import POINTS
-from companion.planning.looking import look_at
 from companion.planning.methods import Known, Subtasks
 from companion.planning.registry import Plan
-from companion.planning.steps import Geometry, Step
+from companion.planning.steps import Geometry, Step, look_at
 
 
 def look_around(known: Known, km: str) -> Subtasks | None:

@@ -8,10 +8,10 @@ import pinocchio as pin
 
 from companion.languages.evidence import Sense
 from companion.languages.facts import Kind, fact
-from companion.skills import evidence, motions, own_paths
-from companion.skills.looking_again import missed
+from companion.skills import evidence, motions, moving
 from companion.skills.loop_messages import Close, Open, Until
 from companion.skills.moving import joining, legs, line_ends
+from companion.skills.senses import missed
 from companion.skills.situation import MARGIN_M, Situation
 from companion.skills.skill import (
     Cancelled,
@@ -131,7 +131,7 @@ def _let_go(here: Situation, side: str, command: OpenDoor) -> Skill:
     first, last = (transform(point.at) for point in (command.approach[0], command.approach[-1]))
     out = here.robot.grip(here.q, side) * last.inverse() * first
     path = backing.way_out(here.robot, here.world, side, here.q, [out])
-    yield from despite_cancel(lambda: motions.along(here, command.key, own_paths.rest(here, path), RETREAT_SPEED))
+    yield from despite_cancel(lambda: motions.along(here, command.key, moving.rest(here, path), RETREAT_SPEED))
 
 
 def _judge(here: Situation, command: OpenDoor, before: pin.SE3) -> Skill:

@@ -11,9 +11,7 @@ import pinocchio as pin
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
-from companion.planning.asking import Asking
-from companion.planning.homing import home
-from companion.planning.methods import Known, Subtasks
+from companion.planning.methods import Asking, Known, Subtasks
 from companion.planning.registry import Each, Plan, each_hand, things
 from companion.planning.situation import DOOR, Situation, configured, on_wire
 from companion.planning.steps import (
@@ -25,6 +23,7 @@ from companion.planning.steps import (
     approach_points,
     free_speed,
     hand_steps,
+    home,
     move,
 )
 from companion.tasks.open_door.done import DoorKind, OpenDoor

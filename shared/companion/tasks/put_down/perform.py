@@ -14,7 +14,7 @@ from companion import models
 from companion.languages import rc
 from companion.languages.facts import Fact, Kind, fact
 from companion.languages.values import Vector
-from companion.skills import emergency_place, motions, own_paths
+from companion.skills import emergency_place, motions, moving
 from companion.skills.loop_messages import Open, Until
 from companion.skills.moving import between, straight
 from companion.skills.situation import Situation
@@ -138,7 +138,7 @@ def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
     here.set_fingers(side, wide)
     with attaching.allowed(here.world, (object_name, f"{side}_hand")):
         path = backing.way_out(here.robot, here.world, side, here.q, retreat_poses(grip, _retreat(command)))
-    way, watch = own_paths.rest(here, path), here.put[object_name].translation
+    way, watch = moving.rest(here, path), here.put[object_name].translation
     here.leave(object_name)
     yield from despite_cancel(lambda: motions.along(here, command.key, way, RETREAT_SPEED, watch=watch))
 

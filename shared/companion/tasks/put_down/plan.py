@@ -8,8 +8,7 @@ from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.planning.grasping import preferred, reachable, take, ways
 from companion.planning.methods import Known, Subtasks, away
-from companion.planning.places import Inside, Surfaces, places
-from companion.planning.placing import BEST, inserted, place
+from companion.planning.placing import BEST, Inside, Surfaces, inserted, place, places
 from companion.planning.registry import Argument, Plan, each_hand, each_try
 from companion.planning.steps import Geometry, Step
 

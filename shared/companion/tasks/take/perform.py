@@ -5,11 +5,10 @@ import pinocchio as pin
 
 from companion.languages import rc
 from companion.languages.facts import Kind, fact
-from companion.skills import motions, own_paths
-from companion.skills.looking_again import missed
+from companion.skills import motions, moving
 from companion.skills.loop_messages import Close, Open, Until
 from companion.skills.moving import joining, legs
-from companion.skills.senses import require
+from companion.skills.senses import missed, require
 from companion.skills.situation import Held, Situation
 from companion.skills.skill import Cancelled, NotPossible, Skill, SkillRow, empty, missing, replan
 from velma import names
@@ -70,7 +69,7 @@ def _back_out(here: Situation, side: str, command: rc.Grasp, way: list[np.ndarra
     """Open the hand and go back along the path of the approach, so that the arm is free to move again."""
     yield motions.still(here, command.key, **motions.hand(side, Open()))
     yield motions.still(here, command.key, **motions.hand(side, motions.fingers(command.approach[-1].fingers)))
-    yield motions.along(here, command.key, own_paths.back(here, way), APPROACH_SPEED)
+    yield motions.along(here, command.key, moving.back(here, way), APPROACH_SPEED)
 
 
 def _approach(

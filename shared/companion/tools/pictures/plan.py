@@ -1,7 +1,7 @@
 """The plan as text: its machine's states, what is behind, and the leaf ta is in."""
 
 from companion.languages import hfsm, sw
-from companion.wording import does, plain
+from companion.sentences import does, plain
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, documents
 from operate.recording.records import Spoken

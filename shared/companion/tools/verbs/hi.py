@@ -1,10 +1,14 @@
 """The client of a_hi over loopback HTTP; the contract is docs/http.md."""
 
+import contextlib
 import http.client
 import os
 import socket
+import sys
 import time
-from typing import TypeVar
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple, TypeVar
 from urllib.parse import urlencode
 
 import msgspec
@@ -12,8 +16,12 @@ import msgspec
 from companion.loopback import answered
 from companion.run_files import HI_FILE, Cancel, Events, HiAddress, Problem, Say, TaskLine, Tasks
 from companion.stop_words import AT_ONCE_S
-from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError
+from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError, NoRunError
+from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
+from operate.cli.output import Format
+from operate.cli.runs import folders
+from operate.run_folder import LATEST, ProcessState
 
 ANSWER_S = 10.0  # estimate: a_hi answers without asking anybody, in milliseconds
 HI = "hi"
@@ -110,3 +118,69 @@ def address(fleet: Target) -> HiAddress:
 def tasks(fleet: Target) -> tuple[TaskLine, ...]:
     """The tasks of a fleet, oldest first. Raise HiError where nobody tells them."""
     return Hi(address(fleet)).tasks()
+
+
+# --- Whether hi or the page, which does not listen, is on its way; waiting for it -------------------------------------
+
+
+STARTING_S = 90.0  # as long as `roco up` waits
+PERIOD_S = 0.2  # estimate: nobody notices
+ON_ITS_WAY = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF)
+
+
+class Listener(NamedTuple):
+    """A process that people's tools talk to, and what Python runs."""
+
+    name: str
+    module: str
+
+
+HUMAN_INTERFACE = Listener("hi", "services.human_interface")
+PAGE = Listener("page", "services.page")
+
+
+def when_started(attempt: Callable[[], T | ConsoleError], coming: Callable[[ConsoleError], bool], form: Format) -> T:
+    """Return what an attempt gives, made again for 90 s while it gives an error of something that is `coming`.
+
+    Raise the error otherwise, NoRunError where the time is over.
+    """
+    until = 0.0
+    while True:
+        found = attempt()
+        if not isinstance(found, ConsoleError):
+            return found
+        if not coming(found):
+            raise found
+        if not until:
+            until = time.monotonic() + STARTING_S
+            if form is Format.TEXT:
+                print(f"roco: the fleet is starting; waiting for it, at most {STARTING_S:.0f} s", file=sys.stderr)
+        elif time.monotonic() > until:
+            words = f"the fleet is still starting after {STARTING_S:.0f} s; see `roco status` ({found})"
+            raise NoRunError("", words) from found
+        time.sleep(PERIOD_S)
+
+
+def starting(wanted: Listener, name: str = "", run_dir: Path | None = None) -> bool:
+    """Whether a listener of the fleet that is meant is on its way."""
+    with contextlib.suppress(ConsoleError):
+        look = targets.find(name, run_dir).look()
+        if any(one.name == wanted.name and one.status.state in ON_ITS_WAY for one in look.seen):
+            return True
+        if look.fleet is not None and look.fleet.supervisor:
+            return False
+    return name in ("", targets.LOCAL) and begins(wanted, run_dir or folders.RUNS / LATEST)
+
+
+def begins(wanted: Listener, run: Path) -> bool:
+    """Whether a supervisor lives that keeps this run, or the run that is to be the latest where this is the latest one.
+
+    It says so before anything of it is in a run folder. In a container the listener itself is looked for.
+    """
+    called = folders.called()
+    if folders.around() is not None:
+        return any(wanted.module in words for words in called)
+    mine = {run.resolve(), run.parent.resolve()} if run.name == LATEST else {run.resolve()}
+    supervisors = (words for words in called if {*folders.SUPERVISORS} & {*words} and "--run-dir" in words)
+    kept = [Path(words[words.index("--run-dir") + 1]) for words in supervisors]
+    return any(folder in mine or folder.parent in mine for folder in kept)

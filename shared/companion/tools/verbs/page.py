@@ -11,7 +11,7 @@ import typer
 
 from companion.loopback import HERE, answered
 from companion.run_files import PAGE_FILE, PageAddress, Pairing
-from companion.tools.verbs.listener_start import PAGE, PERIOD_S, starting, when_started
+from companion.tools.verbs.hi import PAGE, PERIOD_S, starting, when_started
 from operate.cli.errors import NOTHING_RUNS, ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local

@@ -17,8 +17,7 @@ from agent_runtime.io.run_files import STOP_FILE, LinkedError
 from companion.languages.cmd import TaskState
 from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSED, SLOTS_FILE, STOPPED, Say, TaskLine
 from companion.stop_words import calls_for_help, may_answer, stop_words
-from companion.tools.verbs.hi import Hi, HiError, address
-from companion.tools.verbs.listener_start import HUMAN_INTERFACE, PERIOD_S, starting, when_started
+from companion.tools.verbs.hi import HUMAN_INTERFACE, PERIOD_S, Hi, HiError, address, starting, when_started
 from operate.cli.errors import NO, ConsoleError, FleetError, UsageError
 from operate.cli.fleet import living_names, targets
 from operate.cli.fleet.local import Local

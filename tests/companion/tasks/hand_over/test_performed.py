@@ -11,7 +11,7 @@ from companion.languages.evidence import Sense
 from companion.languages.values import Side
 from companion.skills.loop_messages import GripReport, Keep, Motion, Open, Until
 from companion.skills.performing import perform
-from companion.skills.sight import Sight
+from companion.skills.situation import Sight
 from companion.skills.skill import Sensed
 from companion.tasks.hand_over import perform as handing
 from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind, sights, told

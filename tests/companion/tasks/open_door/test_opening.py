@@ -8,7 +8,7 @@ from robot import Acting
 
 from companion.languages import rc
 from companion.languages.values import Side
-from companion.planning.asking import Asking
+from companion.planning.methods import Asking
 from companion.planning.steps import Geometry
 from companion.tasks.open_door.plan import ENOUGH, open_door
 from services.knowledge.answers import ask

@@ -12,14 +12,12 @@ from tilts import BOWL, JAR, LEFT, in_view
 from companion import models
 from companion.languages import rc
 from companion.languages.facts import fact
-from companion.skills.looking_again import MORE_LOOKS
 from companion.skills.loop_messages import GripReport, Motion
 from companion.skills.motions import aim, turned
 from companion.skills.performing import perform
-from companion.skills.sight import Sight
-from companion.skills.situation import Situation
+from companion.skills.senses import MORE_LOOKS
+from companion.skills.situation import Sight, Situation, Unfinished
 from companion.skills.skill import Sensed
-from companion.skills.unfinished import Unfinished
 from companion.tasks.pour.done import Pour, PourKind
 from companion.tasks.pour.perform import _away
 from velma import names

@@ -14,11 +14,10 @@ from companion.languages import rc
 from companion.languages.facts import Fact, Kind, fact
 from companion.skills.loop_messages import Cancel, GripReport, LookAgain, Motion, Phase
 from companion.skills.performing import perform
-from companion.skills.sight import Sight
-from companion.skills.situation import Situation
+from companion.skills.situation import Sight, Situation
 from companion.skills.skill import Sensed
 from companion.tasks.pour.done import Pour, PourKind
-from companion.tasks.pour.perform.watching import DOUBT_S, LOOK_EVERY_S
+from companion.tasks.pour.perform import DOUBT_S, LOOK_EVERY_S
 from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess
 from velma import names

@@ -12,7 +12,7 @@ from companion.languages.evidence import Claim, Sense
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Pose, Side
 from companion.skills.emergency_place import free_spot
-from companion.skills.sight import Neck
+from companion.skills.situation import Neck
 from services.executor.local import ByRays, Felt, Setup
 from services.executor.looks import Saw, See
 from services.executor.receptor import Receptor

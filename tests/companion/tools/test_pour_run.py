@@ -16,7 +16,7 @@ import pytest
 from agent_runtime.io.heartbeat import ready_file
 from agent_runtime.io.run_files import heartbeat_file
 from companion.tools.system import SYSTEM
-from companion.tools.verbs import main_job
+from companion.tools.verbs import pour_run
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.watch import Watch
 from operate.run_folder import FLEET_FILE, LIVE_FILE, AgentIn, Fleet, ProcessState, ProcessStatus
@@ -34,7 +34,7 @@ def told() -> io.StringIO:
 def rested(run: Path, told: io.StringIO, alive: bool = True, within_s: float = 0.3) -> list[str]:
     """Wait for them."""
     watch = Watch(SYSTEM, run, "title", Console(file=told, width=200))
-    return main_job.at_rest(run, RESTS, watch, lambda: alive, within_s)
+    return pour_run.at_rest(run, RESTS, watch, lambda: alive, within_s)
 
 
 def beats(run: Path, agent: str, state: str, later_s: float = 60.0) -> None:
