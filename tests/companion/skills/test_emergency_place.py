@@ -34,7 +34,6 @@ def far_out() -> Situation:
 def test_what_is_held_far_out_is_put_down_there(far_out: Situation) -> None:
     """A spot as far from the shoulder as the hand is now can be reached."""
     found = emergency_place.free_spot(far_out, LEFT, RETREAT)
-    assert found is not None
     place, path = found
     now = emergency_place.held_pose(far_out, LEFT).translation
     assert np.linalg.norm((place.translation - now)[:2]) < 0.3
