@@ -12,7 +12,7 @@ import msgspec
 from agent_runtime.io.options import Options
 from agent_runtime.io.tap import open_ear
 from companion.design import DESIGN, AgentName
-from companion.telemetry import Picture, RobotState, told
+from companion.telemetry import Picture, RobotState, decoded
 from services.page.view import PICTURE, ROOM
 
 IDENTITY = "page"
@@ -48,7 +48,7 @@ class RobotEye:
 
     def _heard(self, data: bytes) -> None:
         try:
-            match told(data):
+            match decoded(data):
                 case RobotState(mode=mode):
                     if mode != self._mode:
                         self._mode = mode

@@ -213,7 +213,7 @@ def _done(memory: Memory, turn: Turn, done: rc.Done, finish: Finish) -> Memory:
     row, needs = ACTS[type(leaf.command)], needed(type(leaf.command))
     lacking = tuple(one for one in done.evidence if not one.by and one.claim in needs)
     end = Outcome.SUCCEEDED if row.fulfilled(leaf.command, done) and not lacking else Outcome.FAILED
-    told = row.told(leaf.command, done)
+    told = row.outcome_facts(leaf.command, done)
     if row.remembered and not isinstance(plans.after(memory.machine, memory.at, end), Outcome):
         memory = replace(memory, told=(*(memory.told or ()), *told))
     return leave(memory, turn, end, (*(told or not_checked(lacking)), *ill(done)), finish)

@@ -18,7 +18,7 @@ def answered(
     host: str = HERE,
     patience_s: float,
 ) -> tuple[int, bytes]:
-    """Return status and body of the answer. `host`: where it listens if not here; it is asked by the name it expects.
+    """Status and body of the answer. `host`: where it listens if not here; it is asked by the name it expects.
 
     Raise OSError or http.client.HTTPException where nobody answers within `patience_s` [s].
     """

@@ -13,7 +13,6 @@ from companion.languages.cmd import BACK
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Cylinder, Pose, Shape, Side
 from companion.planning.grasping import ANY_TORSO, TORSO, preferred
-from companion.planning.methods import StateFacts
 from companion.planning.situation import Held, Situation, configured, on_wire
 from companion.planning.steps import EFFORTS, OPEN_S, QUICK, Geometry, Step, approach_points, hand_steps, move
 from velma.kinematics.frames import heading, transform
@@ -56,11 +55,20 @@ def spots(
     stood counts as free."""
     reach = geometry.ask(wm.RobotReach(state=state, side=side), wm.Reach)
     surfaces = geometry.ask(wm.FlatSurfaces(state=state), wm.Surfaces).surfaces
-    near = _within(reach, (one for one in surfaces if not on or one.object in on), foot)
-    shoulder = max(s[2] for s in reach.shoulders)
+    shoulders, shoulder = turned(reach.shoulders), max(s[2] for s in reach.shoulders)
+    there = (one for one in surfaces if not on or one.object in on)
+    all_spots = (Spot(one.object, at) for one in there for at in grid(one, foot))
+    near = [spot for spot in all_spots if within(spot.at, shoulders, reach.near, reach.far)]
+    wanted = -BEST_HEADING if side is Side.RIGHT else BEST_HEADING
+
+    def far_off(spot: Spot) -> float:
+        """From where putting down and pouring went well [m]."""
+        away = abs(math.hypot(spot.at[0], spot.at[1]) - BEST_DISTANCE_M)
+        return away + TURNING_M * abs(heading(spot.at) - wanted)
+
     for overhead in (False, True):
         found = [spot for spot in near if (spot.at[2] > shoulder) == overhead]
-        yield from _free(geometry, state, sorted(found, key=lambda spot: _far_off(spot, side)), name)
+        yield from _free(geometry, state, sorted(found, key=far_off), name)
 
 
 def _free(geometry: Geometry, state: str, found: list[Spot], name: str) -> Iterator[list[Spot]]:
@@ -78,20 +86,6 @@ def _free(geometry: Geometry, state: str, found: list[Spot], name: str) -> Itera
             tried, free, apart = [*tried, *free], [], apart + NEAR_M
     if free:
         yield free
-
-
-def _within(reach: wm.Reach, surfaces: Iterable[wm.Surface], foot: float) -> list[Spot]:
-    """Return the spots that the arm reaches with the torso turned."""
-    shoulders = turned(reach.shoulders)
-    found = [Spot(surface.object, at) for surface in surfaces for at in grid(surface, foot)]
-    return [spot for spot in found if within(spot.at, shoulders, reach.near, reach.far)]
-
-
-def _far_off(spot: Spot, side: Side) -> float:
-    """Return how far a spot is from where putting down and pouring went well [m]."""
-    wanted = -BEST_HEADING if side is Side.RIGHT else BEST_HEADING
-    away = abs(math.hypot(spot.at[0], spot.at[1]) - BEST_DISTANCE_M)
-    return away + TURNING_M * abs(heading(spot.at) - wanted)
 
 
 def grid(surface: wm.Surface, foot: float, margin: float = MARGIN_M) -> Iterator[np.ndarray]:
@@ -141,7 +135,15 @@ def places(geometry: Geometry, state: str, name: str, where: str) -> Iterator[Pl
         yield Surfaces()
         return
     if where == BACK:
-        yield from _before(geometry, facts, state, name)
+        origin = facts.origin(state, name)
+        if not origin.on:
+            geometry.failed(fact(Kind.FIRST_PLACE_UNKNOWN, name))
+            return
+        spot = Spot(origin.on, np.add(origin.pose.xyz, (0.0, 0.0, geometry.model(state, name).base_z)))
+        if facts.container(state, origin.on) and spot.at[2] < _edges(geometry, state, origin.on)[1]:
+            yield from _inside(geometry, state, name, origin.on, [spot])
+        else:
+            yield Surfaces((origin.on,), spot)
         return
     known = facts.places(state, where)
     if on := tuple(one for one in known if not facts.container(state, one)):
@@ -151,23 +153,13 @@ def places(geometry: Geometry, state: str, name: str, where: str) -> Iterator[Pl
             yield from _inside(geometry, state, name, around, _grid(geometry, state, name, around))
 
 
-def _before(geometry: Geometry, facts: StateFacts, state: str, name: str) -> Iterator[Place]:
-    """Yield the place where the thing stood before it was taken."""
-    origin = facts.origin(state, name)
-    if not origin.on:
-        geometry.failed(fact(Kind.FIRST_PLACE_UNKNOWN, name))
-        return
-    base = np.add(origin.pose.xyz, (0.0, 0.0, geometry.model(state, name).base_z))
-    spot = Spot(origin.on, base)
-    if facts.container(state, origin.on) and base[2] < _edges(geometry, state, origin.on)[1]:
-        yield from _inside(geometry, state, name, origin.on, [spot])
-    else:
-        yield Surfaces((origin.on,), spot)
-
-
 def _inside(geometry: Geometry, state: str, name: str, around: str, spots: list[Spot]) -> Iterator[Place]:
     """Yield the free ones of these spots."""
-    room = _room(geometry.model(state, name))
+    model = geometry.model(state, name)
+    corners = np.concatenate([_corners(shape) for shape in model.shapes])
+    # What it needs behind the opening, from its base up.
+    radius, top = float(np.abs(corners[:, :2]).max()), float(corners[:, 2].max())
+    room = Volume(radius + BESIDE_M, top - model.base_z + LIFT_M)
     free: list[Spot] = []
     for spot in spots:
         if len(free) < BEHIND_OPENING and not spot.near(free, NEXT_M) and clear(geometry, state, spot, name, room):
@@ -179,7 +171,7 @@ def _inside(geometry: Geometry, state: str, name: str, around: str, spots: list[
 
 
 def _grid(geometry: Geometry, state: str, name: str, around: str) -> list[Spot]:
-    """Return spots on the shelves below the top of the opening, those near the middle of a shelf first."""
+    """Spots on the shelves below the top of the opening, those near the middle of a shelf first."""
     shelves = geometry.ask(wm.FlatSurfaces(state=state, object=around), wm.Surfaces).surfaces
     middle, top = _edges(geometry, state, around)
     foot = geometry.model(state, name).base_radius
@@ -193,28 +185,21 @@ def _grid(geometry: Geometry, state: str, name: str, around: str) -> list[Spot]:
 
 
 def opening(geometry: Geometry, state: str, name: str, around: str) -> Opening:
-    """Return the opening of furniture, and how far a thing has to come out of it."""
+    """The opening of furniture, and how far a thing has to come out of it."""
     out = geometry.outwards(state, around)
     grasps = geometry.ask(wm.GraspSet(state=state, object=name), wm.Grasps).grasps
     return Opening(around, out, grasps[0].out)
 
 
 def _edges(geometry: Geometry, state: str, around: str) -> tuple[float, float]:
-    """Return the heights of middle and upper edge of an opening [m]."""
+    """The heights of middle and upper edge of an opening [m]."""
     hole = geometry.ask(wm.ObjectHole(state=state, object=around), wm.Hole)
     middle = float(geometry.pose(state, around).act(np.array(hole.centre))[2])
     return middle, middle + hole.radius
 
 
-def _room(model: wm.ModelOf) -> Volume:
-    """Return the room that a thing needs behind an opening, from its base up."""
-    points = np.concatenate([_corners(shape) for shape in model.shapes])
-    radius, top = float(np.abs(points[:, :2]).max()), float(points[:, 2].max())
-    return Volume(radius + BESIDE_M, top - model.base_z + LIFT_M)
-
-
 def _corners(shape: Shape) -> np.ndarray:
-    """Return the corners (8, 3) of the box around a shape, in the frame of its thing."""
+    """The corners (8, 3) of the box around a shape, in the frame of its thing."""
     around = solid(shape)
     around.computeLocalAABB()
     low, high = around.aabb_local.min_, around.aabb_local.max_
@@ -234,7 +219,7 @@ INSERTIONS, BEST = 6, 3  # looked for; each takes 30 ms (measured on the canonic
 def inserted(
     geometry: Geometry, here: Situation, side: Side, name: str, target: Inside, known: list[GraspWay], number: str = ""
 ) -> list[tuple[str, Placing]]:
-    """Return some grasps of the known ones, each with a place for the thing behind the opening.
+    """Some grasps of the known ones, each with a place for the thing behind the opening.
 
     Those come first after which the hand gets farthest away, so that it is out of the opening before it goes home.
     """
@@ -252,12 +237,11 @@ def inserted(
         torso=TORSO.get(kind, ANY_TORSO),
         wanted=INSERTIONS,
     )
-    return sorted(islice(found, INSERTIONS), key=_away, reverse=True)
-
-
-def _away(found: tuple[str, Placing]) -> float:
-    """Return how far the open hand is drawn away [m]."""
-    return float(np.linalg.norm(found[1].retreat[-1][0].translation))
+    return sorted(
+        islice(found, INSERTIONS),
+        key=lambda one: float(np.linalg.norm(one[1].retreat[-1][0].translation)),
+        reverse=True,
+    )
 
 
 # --- Where a held thing can be put down, and the primitive step that puts it there ------------------------------------
@@ -275,7 +259,7 @@ Retreat = list[tuple[pin.SE3, float]]
 
 
 def place(geometry: Geometry, state: str, side: Side, where: str = "") -> Step | None:
-    """Return the step that puts the held object on a flat surface, opens the hand and retreats; `where`: see places."""
+    """The step that puts the held object on a flat surface, opens the hand and retreats; `where`: see places."""
     here = geometry.at(state)
     held = here.held[side]
     retreat = retreating(geometry, state, held.object, held.grasp)
@@ -294,7 +278,7 @@ def place(geometry: Geometry, state: str, side: Side, where: str = "") -> Step |
 def above(
     geometry: Geometry, here: Situation, side: Side, retreat: Retreat, target: Surfaces
 ) -> tuple[Placing, Motion] | None:
-    """Return a place for the held object and the motion to above it; None, with the reason noted, if there is none."""
+    """a place for the held object and the motion to above it; None, with the reason noted, if there is none."""
     held, state = here.held[side], here.state
     model = geometry.model(state, held.object)
     if target.spot is None:
@@ -304,7 +288,19 @@ def above(
     tried = 0
     for free in islice(some_spots, BATCHES):
         tried += len(free)
-        found = reached(geometry, here, side, _solved(geometry, here, side, free, model.base_z, retreat))
+        some = placings(
+            geometry.robot,
+            here.world,
+            side,
+            here.q,
+            held.object,
+            held.T_grip_object,
+            [(spot.surface, spot.at - (0.0, 0.0, model.base_z)) for spot in free],
+            retreat,
+            geometry.rng("place", held.object, side),
+            tries=TRIES,
+        )
+        found = reached(geometry, here, side, list(islice(some, PLACINGS)))
         if found is not None:
             return found
     kind = Kind.NO_WAY_TO_PUT_DOWN if tried else Kind.NO_PLACE_WITHIN_REACH
@@ -315,7 +311,7 @@ def above(
 def _through(
     geometry: Geometry, here: Situation, side: Side, retreat: Retreat, target: Inside
 ) -> tuple[Placing, Motion] | None:
-    """Return a place behind an opening and the motion to before it; None, with the reason noted, if there is none."""
+    """a place behind an opening and the motion to before it; None, with the reason noted, if there is none."""
     held = here.held[side]
     T_held = held.T_grip_object
     outermost_first = [(T_release_grip.inverse() * T_held, fingers) for T_release_grip, fingers in reversed(retreat)]
@@ -328,7 +324,7 @@ def _through(
 
 
 def reached(geometry: Geometry, here: Situation, side: Side, some: list[Placing]) -> tuple[Placing, Motion] | None:
-    """Return one of the placings and the motion to its start; what was poured into the object is not tilted out."""
+    """One of the placings and the motion to its start; what was poured into the object is not tilted out."""
     goals, name = [placing.above for placing in some], here.held[side].object
     for number, (largest_tilt, efforts) in enumerate(CARRIED_TILT if goals else ()):
         if number and geometry.facts.filled(here.state, name):
@@ -340,33 +336,13 @@ def reached(geometry: Geometry, here: Situation, side: Side, some: list[Placing]
 
 
 def retreating(geometry: Geometry, state: str, name: str, grasp: str) -> Retreat:
-    """Return the retreat of the hand from a known grasp."""
+    """The retreat of the hand from a known grasp."""
     query = wm.GraspDefinition(state=state, object=name, grasp=grasp)
     return backwards(hand_steps(geometry.ask(query, wm.Grasps).grasps[0]))
 
 
-def _solved(
-    geometry: Geometry, here: Situation, side: Side, free: list[Spot], base_z: float, retreat: Retreat
-) -> list[Placing]:
-    """Return some placings on the free spots; `base_z`: height of the object's base in its frame [m]."""
-    held = here.held[side]
-    found = placings(
-        geometry.robot,
-        here.world,
-        side,
-        here.q,
-        held.object,
-        held.T_grip_object,
-        [(spot.surface, spot.at - (0.0, 0.0, base_z)) for spot in free],
-        retreat,
-        geometry.rng("place", held.object, side),
-        tries=TRIES,
-    )
-    return list(islice(found, PLACINGS))
-
-
 def _placing(geometry: Geometry, held: Held, placing: Placing, side: Side, motion: Motion, way: Way) -> Step:
-    """Return the step of a solved placing; `motion` leads above it, or to the beginning of the `way` there."""
+    """The step of a solved placing; `motion` leads above it, or to the beginning of the `way` there."""
     commands = (
         move(side, motion, LOADED_SPEED),
         rc.Release(

@@ -57,7 +57,7 @@ V = TypeVar("V")
 
 
 def merged(tables: list[dict[str, V]]) -> dict[str, V]:
-    """Return all rows of some tables. Raise ValueError for a name in two of them."""
+    """All rows of some tables. Raise ValueError for a name in two of them."""
     names = [name for table in tables for name in table]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise ValueError(f"declared by two tasks: {', '.join(twice)}")
@@ -91,25 +91,22 @@ class Search:
         self._tried = 0
 
     def run(self, todo: Subtasks, state: str) -> Found | None:
-        """Return what does these tasks in this state at km; None for no plan."""
+        """What does these tasks in this state at km; None for no plan."""
         try:
-            self._declare()
-            return self._planned(todo, state)
+            gtpyhop.set_current_domain(self.domain)
+            gtpyhop.declare_actions(self.a_replan, self.a_tell, self.a_some_done, self.a_end)
+            gtpyhop.declare_actions(*(self._action(name, compute) for name, compute in ACTIONS.items()))
+            gtpyhop.declare_actions(*(self._condition(name, holds) for name, holds in CONDITIONS.items()))
+            for task, methods in METHODS.items():
+                gtpyhop.declare_task_methods(task, *(method for one in methods for method in self._methods(task, one)))
+            start = _State("start", km=state, steps=(), sought="", told=())
+            options = {"strategy": "recursive_dfs", "structured_logging": False}
+            with redirect_stdout(StringIO()), gtpyhop.PlannerSession(domain=self.domain, **options) as session:
+                found = session.find_plan(start, [*todo, ("a_end",)])
         finally:
             # It would keep each domain, and all that its methods know.
             gtpyhop.main.current_domain = None
             gtpyhop.main._domains.remove(self.domain)
-
-    @property
-    def rejected(self) -> tuple[Rejected, ...]:
-        """Methods that were tried and rejected, in this order."""
-        return tuple(self._rejected)
-
-    def _planned(self, todo: Subtasks, state: str) -> Found | None:
-        start = _State("start", km=state, steps=(), sought="", told=())
-        options = {"strategy": "recursive_dfs", "structured_logging": False}
-        with redirect_stdout(StringIO()), gtpyhop.PlannerSession(domain=self.domain, **options) as session:
-            found = session.find_plan(start, [*todo, ("a_end",)])
         if self._tried > MOST_STEPS:
             self.geometry.failed(fact(Kind.SEARCH_TOO_LONG, MOST_STEPS))
             return None
@@ -119,14 +116,10 @@ class Search:
             return None
         return Found(list(self._end.steps), self._end.sought, self._end.told)
 
-    def _declare(self) -> None:
-        """Declare to GTPyhop what the tasks declare."""
-        gtpyhop.set_current_domain(self.domain)
-        gtpyhop.declare_actions(self.a_replan, self.a_tell, self.a_some_done, self.a_end)
-        gtpyhop.declare_actions(*(self._action(name, compute) for name, compute in ACTIONS.items()))
-        gtpyhop.declare_actions(*(self._condition(name, holds) for name, holds in CONDITIONS.items()))
-        for task, methods in METHODS.items():
-            gtpyhop.declare_task_methods(task, *(method for one in methods for method in self._methods(task, one)))
+    @property
+    def rejected(self) -> tuple[Rejected, ...]:
+        """Methods that were tried and rejected, in this order."""
+        return tuple(self._rejected)
 
     # --- how methods and actions are bound to GTPyhop -----------------------------------------------------------------
 
@@ -140,7 +133,7 @@ class Search:
                 yield self._answered(name, method, *values)
 
     def _answered(self, name: str, method: Method, *first: Any) -> Callable[..., Subtasks | None]:
-        """Return the method with its first arguments, not applicable if km does not know what it asks."""
+        """The method with its first arguments, not applicable if km does not know what it asks."""
 
         def answered(state: _State, *arguments: str) -> Subtasks | None:
             known = self.geometry
@@ -158,7 +151,7 @@ class Search:
         return answered
 
     def _action(self, name: str, compute: Callable[..., Step | None]) -> Callable[..., _State | bool]:
-        """Return the action that appends a step and has km make its changes; not applicable if there is no step."""
+        """The action that appends a step and has km make its changes; not applicable if there is no step."""
 
         def appended(state: _State, *arguments: str) -> bool:
             step = compute(self.geometry, state.km, *arguments)
@@ -170,17 +163,19 @@ class Search:
         return self._attempt(name, appended)
 
     def _condition(self, name: str, holds: Callable[..., bool | None]) -> Callable[..., _State | bool]:
-        """Return the action that only tells whether the search goes on."""
+        """The action that only tells whether the search goes on."""
         return self._attempt(name, lambda state, *arguments: holds(self.geometry, state.km, *arguments))
 
     def _attempt(self, name: str, done: Callable[..., bool | None]) -> Callable[..., _State | bool]:
-        """Return what counts as one tried step; the reason is noted where it is not applicable, or km does not know."""
+        """What counts as one tried step; the reason is noted where it is not applicable, or km does not know."""
 
         def action(state: _State, *arguments: str) -> _State | bool:
             known = self.geometry
             known.not_now = ()
             try:
-                self._count()
+                self._tried += 1
+                if self._tried > MOST_STEPS:  # GTPyhop takes it for the end of the search
+                    raise RuntimeError("too many tried steps")
                 if done(state, *arguments):
                     return state
             except Unanswered as unanswered:
@@ -190,12 +185,6 @@ class Search:
 
         action.__name__ = name
         return action
-
-    def _count(self) -> None:
-        """Count a step that is tried. Raise where it is one too many: GTPyhop takes it for the end of the search."""
-        self._tried += 1
-        if self._tried > MOST_STEPS:
-            raise RuntimeError("too many tried steps")
 
     def _reject(self, method: str, arguments: tuple[str, ...], why: tuple[Fact, ...]) -> None:
         """Note what was tried and left; the same thing for the same reason once."""
@@ -259,7 +248,7 @@ class NotATask(Exception):
 def search(
     network: hfsm.GroundTaskNetwork, ask: Callable[[wm.AnyQuery], wm.AnyAnswer], seed: int
 ) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
-    """Return a plan, or NoPlan. All facts come through `ask`. Deterministic for a seed: limits count iterations.
+    """a plan, or NoPlan. All facts come through `ask`. Deterministic for a seed: limits count iterations.
 
     Where a thing has not been seen, it is a plan to look for it, and to plan again.
     """
@@ -286,7 +275,7 @@ def search(
 
 
 def _revealed(geometry: Geometry, word: str) -> assembling.Found | None:
-    """Return the first plan that may bring a thing into sight that was never seen; None where there is none.
+    """The first plan that may bring a thing into sight that was never seen; None where there is none.
 
     Whether it is seen then or not, the task is planned again.
     """
@@ -302,12 +291,12 @@ def _revealed(geometry: Geometry, word: str) -> assembling.Found | None:
 
 @cache
 def _robot() -> Robot:
-    """Return the robot, read once in a process: that takes 12 ms, with the shapes for its collision world."""
+    """The robot, read once in a process: that takes 12 ms, with the shapes for its collision world."""
     return Robot()
 
 
 def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
-    """Return the task with the ids of km in place of words for things: "jar" -> "jar_1"."""
+    """The task with the ids of km in place of words for things: "jar" -> "jar_1"."""
     kinds = tasks().get(task.name)
     if kinds is None or len(kinds) != len(task.arguments):
         raise NotATask(fact(Kind.NOT_A_TASK, task.name))
@@ -318,7 +307,7 @@ def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
 
 
 def _thing(asking: Asking, word: str) -> str:
-    """Return the first thing that km knows by this id or kind; "" stays. Raise NotSeen with km's reason."""
+    """The first thing that km knows by this id or kind; "" stays. Raise NotSeen with km's reason."""
     if not word:
         return word
     things = asking(wm.ListObjects(), wm.Objects).objects
@@ -332,14 +321,14 @@ def _thing(asking: Asking, word: str) -> str:
 
 
 def _side(asking: Asking, word: str) -> str:
-    """Return a word for a hand, "" for any."""
+    """a word for a hand, "" for any."""
     if word not in ("", *Side):
         raise NotATask(fact(Kind.NOT_A_HAND, word))
     return word
 
 
 def _place(asking: Asking, word: str) -> str:
-    """Return a word for places that km knows; the steps choose one of them."""
+    """a word for places that km knows; the steps choose one of them."""
     facts = StateFacts(asking)
     if word != BACK and not facts.places("", word):
         seen = sorted(facts.places("", "furniture"))
@@ -356,6 +345,6 @@ _WORDS: dict[Argument, Callable[[Asking, str], str]] = {
 
 
 def _newest(why: list[tuple[Fact, ...]]) -> tuple[Fact, ...]:
-    """Return the different reasons of the failed attempts, last first."""
+    """The different reasons of the failed attempts, last first."""
     different = list(dict.fromkeys(reversed(why)))[:REASONS]
     return fitting(tuple(one for some in different for one in some), LARGEST) or (fact(Kind.NO_METHOD),)

@@ -30,7 +30,7 @@ def free_path(
     speed: float,
     keep: motion.Keep | None = None,
 ) -> list[np.ndarray] | None:
-    """Return a free path to the first possible of `goals` (15,), with the largest margin possible, or None."""
+    """a free path to the first possible of `goals` (15,), with the largest margin possible, or None."""
     wanted = list(goals)
     for margin in ROOM_M:
         with attaching.room(here.world, margin):
@@ -44,17 +44,17 @@ def free_path(
 
 
 def rest(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
-    """Return the rest of a path from the present posture on."""
+    """The rest of a path from the present posture on."""
     return path[_reached(here, path) :] if path else []
 
 
 def back(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
-    """Return the way from the present posture back to the begin of a path that was followed as far as here."""
+    """The way from the present posture back to the begin of a path that was followed as far as here."""
     return path[: _reached(here, path) + 1][::-1]
 
 
 def _reached(here: Situation, path: list[np.ndarray]) -> int:
-    """Return which posture of a path is nearest to the present one."""
+    """Which posture of a path is nearest to the present one."""
     return int(np.argmin([np.abs(q - here.q).max() for q in path]))
 
 
@@ -100,7 +100,7 @@ def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
 
 
 def _clear(here: Situation, path: list[np.ndarray], side: str, bent: float | None, speed: float) -> list[np.ndarray]:
-    """Return the path, or one of ex's own to its end where it goes into something. Raises replan if there is none.
+    """The path, or one of ex's own to its end where it goes into something. Raises replan if there is none.
 
     `bent`: angle of the fingers on it [rad], None: as they are.
     """
@@ -124,7 +124,7 @@ def _clear(here: Situation, path: list[np.ndarray], side: str, bent: float | Non
 
 
 def _free(here: Situation, q: np.ndarray, side: str, bent: float) -> bool:
-    """Return whether a posture is free with the fingers bent so [rad]."""
+    """Whether a posture is free with the fingers bent so [rad]."""
     here.world.fingers(side, bent)
     try:
         return here.world.free(q)
@@ -133,7 +133,7 @@ def _free(here: Situation, q: np.ndarray, side: str, bent: float) -> bool:
 
 
 def _watched(here: Situation, q: np.ndarray) -> np.ndarray | None:
-    """Return where the head looks after a free motion: at what was put down and not seen since, else at the held object
+    """Where the head looks after a free motion: at what was put down and not seen since, else at the held object
     nearest to the middle, if any.
     """
     if here.put:
@@ -143,7 +143,7 @@ def _watched(here: Situation, q: np.ndarray) -> np.ndarray | None:
 
 
 def joining(here: Situation, goal: np.ndarray) -> list[np.ndarray]:
-    """Return the straight, checked joint path from the set-point to q (15,). Raises replan if it is not free."""
+    """The straight, checked joint path from the set-point to q (15,). Raises replan if it is not free."""
     if np.abs(goal - here.q).max() < NEAR:
         return []
     states = between(here, goal)
@@ -154,7 +154,7 @@ def joining(here: Situation, goal: np.ndarray) -> list[np.ndarray]:
 
 
 def between(here: Situation, goal: np.ndarray) -> list[np.ndarray]:
-    """Return the straight joint path from the set-point to q (15,), in small steps, unchecked."""
+    """The straight joint path from the set-point to q (15,), in small steps, unchecked."""
     way = goal - here.q
     steps = max(1, int(np.ceil(np.abs(way).max() / JOIN_STEP)))
     return [here.q + way * k / steps for k in range(1, steps + 1)]
@@ -177,7 +177,7 @@ def move_cartesian(here: Situation, command: rc.MoveCartesian) -> Skill:
 def straight(
     here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept: Accept = None, *, torso: bool = False
 ) -> list[np.ndarray]:
-    """Return postures on the straight line of the grip from q (15,) to `target`. Raises replan if it is blocked.
+    """Postures on the straight line of the grip from q (15,) to `target`. Raises replan if it is blocked.
 
     The torso moves only if the arm alone does not reach; with `torso` it moves where that is possible. A line that is
     blocked by the margin alone, or leads out of what touches already, is taken all the same: poses are seen again at a
@@ -195,14 +195,14 @@ def straight(
 
 
 def line_ends(blocked: ik.PathBlocked) -> Fact:
-    """Return why a straight line of the grip cannot be followed to its end, and where it ends."""
+    """Why a straight line of the grip cannot be followed to its end, and where it ends."""
     return fact(Kind.LINE_ENDS, 100.0 * blocked.fraction, blocked.reason)
 
 
 def legs(
     here: Situation, side: str, q: np.ndarray, poses: Sequence[pin.SE3], *, torso: bool = False
 ) -> list[list[np.ndarray]]:
-    """Return a straight, checked path of the grip from q (15,) to the first pose, and one to each further pose.
+    """a straight, checked path of the grip from q (15,) to the first pose, and one to each further pose.
 
     `torso`: as of straight. Raises replan if one is blocked.
     """
@@ -214,7 +214,7 @@ def legs(
 
 
 def _outwards(here: Situation, q: np.ndarray) -> Callable[[np.ndarray], bool]:
-    """Return whether nothing overlaps in a state but what did in the one before, and no deeper; begins at q (15,)."""
+    """Whether nothing overlaps in a state but what did in the one before, and no deeper; begins at q (15,)."""
     deep = {(a, b): d for a, b, d in here.world.touching(q)}
 
     def accept(state: np.ndarray) -> bool:

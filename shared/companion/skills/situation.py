@@ -56,7 +56,7 @@ class Eye(Protocol):
     off: float
 
     def look(self, world: Array, neck: Neck, /) -> list[Sight]:
-        """Return what is seen in the state `world` (nq,). The robot is at rest."""
+        """What is seen in the state `world` (nq,). The robot is at rest."""
         ...
 
     def close(self) -> None:
@@ -129,7 +129,7 @@ class Held:
         self.T_grip_object = inside
 
     def turned(self) -> tuple[float, float]:
-        """Return by how much [rad, m] the thing has jumped in the hand, as if a joint of the arm were measured wrong.
+        """How much [rad, m] the thing has jumped in the hand, as if a joint of the arm were measured wrong.
 
         0 where it has not, by two looks that agree, or where it only slid. A grip that slipped may look alike.
         """
@@ -218,7 +218,7 @@ class Situation:
                 self.at_least[sight.name] = sight.content
 
     def hidden(self, name: str, q: np.ndarray, head: tuple[float, float] | None = None) -> float:
-        """Return how many points of a thing's opening, else of its origin, are hidden from the head, at q (15,).
+        """How many points of a thing's opening, else of its origin, are hidden from the head, at q (15,).
 
         By what is known. `head`: its pan and tilt [rad], None: as they are. Infinite for a thing in a hand, or farther
         away than it is surely seen.
@@ -233,7 +233,7 @@ class Situation:
         return self._hidden(q, eye, points, name)
 
     def _hidden(self, q: Array, eye: Array, points: Sequence[Array], name: str) -> int:
-        """Return how many points of a thing are hidden, with the fingers as they are: open ones hide other things."""
+        """How many points of a thing are hidden, with the fingers as they are: open ones hide other things."""
         for side, angle in self.bent.items():
             self.world.fingers(side, angle)
         try:
@@ -257,7 +257,7 @@ class Situation:
         return len(shown & set(framed)) >= SURE_MARKERS
 
     def in_view(self, name: str, at: pin.SE3 | None = None) -> frozenset[int]:
-        """Return which markers of a thing would be read from here: they face the eyes, and nothing known hides them.
+        """Which markers of a thing would be read from here: they face the eyes, and nothing known hides them.
 
         `at`, and markers inside a vessel: as of `surely_seen`. Empty if it is not known where the thing is.
         """
@@ -282,13 +282,17 @@ class Situation:
     def must_show(self) -> bool:
         """Whether enough markers of furniture are in the picture from here, and nothing hides them."""
         camera = self.robot.camera(float(self.q[names.TORSO]), *self.head)
-        still = (name for name, model in self.models.items() if name in self.seen and _still(model))
-        corners = ((name, at) for name in still for _, at in self._markers_at(name, self.seen[name]))
+        fixed = (
+            name for name, model in self.models.items() if model not in DOORS and not models.MODELS[model].moveable
+        )
+        corners = (
+            (name, at) for name in fixed if name in self.seen for _, at in self._markers_at(name, self.seen[name])
+        )
         sure = (at for name, at in corners if _framed(at, camera) and self._shown(name, at, camera.translation))
         return len(list(islice(sure, SURE_MARKERS))) == SURE_MARKERS
 
     def above(self, name: str, at: pin.SE3 | None = None) -> frozenset[str]:
-        """Return which things, beside those in hands, reach into the column above a thing's opening.
+        """Which things, beside those in hands, reach into the column above a thing's opening.
 
         `at`: pose of the thing, None: as it was seen. Empty for a thing without an opening.
         """
@@ -305,7 +309,7 @@ class Situation:
         return name in self.seen and self.holder(name) is None
 
     def _eye(self, q: np.ndarray, head: tuple[float, float] | None = None) -> Array:
-        """Return the place (3,) [m] of the camera at q (15,) and a pan and tilt [rad]; None: as they are."""
+        """The place (3,) [m] of the camera at q (15,) and a pan and tilt [rad]; None: as they are."""
         return np.asarray(self.robot.camera(float(q[names.TORSO]), *(head or self.head)).translation)
 
     def miss(self, name: str, sights: Sequence[Sight]) -> bool:
@@ -323,7 +327,7 @@ class Situation:
         self.forget(name)
 
     def astray(self) -> Facts:
-        """Return which thing was seen to have fallen over, or to be elsewhere than a hand left it; () for none.
+        """Which thing was seen to have fallen over, or to be elsewhere than a hand left it; () for none.
 
         What was seen since is told once.
         """
@@ -342,7 +346,7 @@ class Situation:
             self.uncertain[name] = uncertainty
 
     def holder(self, name: str) -> str | None:
-        """Return the side of the hand that holds it, None for none."""
+        """The side of the hand that holds it, None for none."""
         return next((side for side, held in self.held.items() if held.object == name), None)
 
     def take(self, side: str, held: Held) -> None:
@@ -395,13 +399,8 @@ class Situation:
         self.world.put(name, model.shapes, pose, "object" if model.moveable else "furniture")
 
 
-def _still(model: str) -> bool:
-    """Whether a thing of this model is furniture that does not move."""
-    return not models.MODELS[model].moveable and model not in DOORS
-
-
 def _apart(one: pin.SE3, other: pin.SE3) -> tuple[float, float]:
-    """Return the turn [rad] and the shift [m] between two poses."""
+    """The turn [rad] and the shift [m] between two poses."""
     between = one.inverse() * other
     return float(np.linalg.norm(pin.log3(between.rotation))), float(np.linalg.norm(between.translation))
 
@@ -420,14 +419,14 @@ def _framed(corners: Array, camera: pin.SE3) -> bool:
 
 
 def _edge(hole: models.Opening) -> list[tuple[float, float, float]]:
-    """Return points on the edge of an opening, and its centre, in the thing's frame."""
+    """Points on the edge of an opening, and its centre, in the thing's frame."""
     x, y, z = hole.centre
     around = (math.tau * k / EDGE_POINTS for k in range(EDGE_POINTS))
     return [hole.centre, *((x + hole.radius * math.cos(a), y + hole.radius * math.sin(a), z) for a in around)]
 
 
 def beginning(robot: Robot, things: dict[str, str], markers: Mapping[str, Array]) -> Situation:
-    """Return a situation with nothing seen or held.
+    """a situation with nothing seen or held.
 
     `things`: the model by the id of each thing, as markers tell it; `markers`: their corners (n, 4, 3) [m] in the
     thing's frame.
@@ -449,5 +448,5 @@ def _inwards(corners: Array) -> bool:
 
 
 def _normal(corners: Array) -> Array:
-    """Return the direction (3,) that a marker with these corners (4, 3) faces, not of length 1."""
+    """The direction (3,) that a marker with these corners (4, 3) faces, not of length 1."""
     return np.asarray(np.cross(corners[3] - corners[0], corners[1] - corners[0]))

@@ -101,20 +101,20 @@ def despite_slips(make: Callable[[], Skill]) -> Skill:
 
 
 def replan(*why: Fact) -> NotPossible:
-    """Return the exception for a world that is not as planned."""
+    """The exception for a world that is not as planned."""
     return NotPossible(rc.NotDoneKind.REPLAN, why)
 
 
 def empty(*why: Fact) -> NotPossible:
-    """Return the exception for a hand that does not hold what it should."""
+    """The exception for a hand that does not hold what it should."""
     return NotPossible(rc.NotDoneKind.EMPTY, why)
 
 
 def missing(*why: Fact) -> NotPossible:
-    """Return the exception for a thing that is not where it should be."""
+    """The exception for a thing that is not where it should be."""
     return NotPossible(rc.NotDoneKind.MISSING, why)
 
 
 def failed(*why: Fact) -> NotPossible:
-    """Return the exception for an act that failed or cannot be tried."""
+    """The exception for an act that failed or cannot be tried."""
     return NotPossible(rc.NotDoneKind.FAILED, why)

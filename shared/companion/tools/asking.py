@@ -34,7 +34,7 @@ class Known(msgspec.Struct, frozen=True):
 
 
 def known(file: Path, at: float | None = None) -> Known:
-    """Return the knowledge of km from a run folder or a recording, now or `at` seconds after its first communicate."""
+    """The knowledge of km from a run folder or a recording, now or `at` seconds after its first communicate."""
     try:
         spoken, lives = _recorded(file)
     except ModuleNotFoundError as error:

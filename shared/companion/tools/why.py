@@ -21,7 +21,7 @@ FOUND, CANCELLED = "found", "cancelled"
 
 
 def passages(run: Run, task: Span) -> tuple[Passage, ...]:
-    """Return how a task of a person waited and was switched, its plans, and how they went."""
+    """How a task of a person waited and was switched, its plans, and how they went."""
     history, mark = run.history, f"{task.conversation}-plan"
     plans = [one for one in made(history) if one.network.startswith(mark)]
     runs = [one for one in ran(history) if one.plan.startswith(mark)]
@@ -63,7 +63,7 @@ def _reports(history: History, task: Span) -> Iterator[Spoken]:
 
 
 def _left(history: History, report: Spoken, runs: list[Ran]) -> Spoken | None:
-    """Return the cancel of a plan that co said in the step of a report, so that the report gives the reason."""
+    """The cancel of a plan that co said in the step of a report, so that the report gives the reason."""
     plans = {one.conversation for one in runs}
     of_step = (one for one in history.said if one.conversation in plans and one.sent == report.sent)
     return next((one for one in of_step if one.performative == Performative.CANCEL), None)
@@ -169,7 +169,7 @@ TRUTH = {"hasExactPose": ("only predicted", "known as it was seen"), "isMoveable
 
 
 def believed(file: Path, run: Run, name: str, at: float | None = None) -> Why | None:
-    """Return what is believed of a thing, now or `at` [s after the first communicate]; None for an unknown one."""
+    """What is believed of a thing, now or `at` [s after the first communicate]; None for an unknown one."""
     known = asking.known(file, at)
     thing = next((one for one in _things(known) if name in (one, plain(one), one.partition("_")[0])), None)
     if thing is None:
@@ -195,7 +195,7 @@ def _asked(known: asking.Known, text: str) -> list[list[Term]]:
 
 
 def _local(term: Term) -> str:
-    """Return the last part of an IRI, or a literal."""
+    """The last part of an IRI, or a literal."""
     return written(term).rpartition("#")[2].rpartition("thing/")[2].rpartition(":")[2]
 
 
@@ -213,7 +213,7 @@ def _sentence(relation: str, value: Term, *, content: bool = False) -> str:
 
 
 def _observed(run: Run, since: float, thing: str, texts: list[str], content: bool) -> list[Fact]:
-    """Return what is believed since one observation, and where that is from; `content`: of what was in the thing."""
+    """What is believed since one observation, and where that is from; `content`: of what was in the thing."""
     at = run.trace.begin + since
     said = [one for one in run.history.said if one.receiver == KM and abs(one.received - at) < 0.001]
     about = [one for one in said if _tells(one, thing) and isinstance(one.content, wm.FeltContent) is content] or said
@@ -225,7 +225,7 @@ def _observed(run: Run, since: float, thing: str, texts: list[str], content: boo
 
 
 def _source(trace: Trace, told: Message) -> str:
-    """Return by whom an observation was told, and in which act it was made, as far as a step log says."""
+    """Who told an observation, and in which act it was made, as far as a step log says."""
     seen = trace.messages.get(told.cause) if told.cause is not None else None
     text = f"{told.sender} told {told.receiver} so ({told.id.partition('@')[0]})"
     act = next((one for one in trace.spans if seen is not None and seen in one.messages), None)
@@ -241,7 +241,7 @@ def _tells(one: Spoken, thing: str) -> bool:
 
 
 def _confirmed(run: Run, thing: str, at: float | None) -> list[Fact]:
-    """Return when the thing was seen or felt last."""
+    """When the thing was seen or felt last."""
     until = float("inf") if at is None else run.trace.begin + at
     said = [one for one in run.history.said if one.receiver == KM and one.received <= until and _tells(one, thing)]
     if not said:

@@ -30,7 +30,7 @@ def hold_out_at_try(known: Known, km: str, number: str, name: str, hand: Side) -
 
 
 def offer(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """Return the step that holds the object over a place where it can be put down."""
+    """The step that holds the object over a place where it can be put down."""
     here = geometry.at(state)
     held = here.held[side]
     found = above(geometry, here, side, retreating(geometry, state, held.object, held.grasp), Surfaces())

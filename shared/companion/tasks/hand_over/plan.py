@@ -59,7 +59,7 @@ def hand_over_taken(known: Known, km: str, number: str, name: str, hand: Side) -
 
 
 def hand_over(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """Return the step that holds the thing out and gives it to whom pulls; else it is put down, and the plan fails."""
+    """The step that holds the thing out and gives it to whom pulls; else it is put down, and the plan fails."""
     here = geometry.at(state)
     held = here.held[side]
     goals = list(islice(_held_out(geometry, here, side), GOALS))
@@ -89,7 +89,7 @@ def hand_over(geometry: Geometry, state: str, side: Side) -> Step | None:
 
 
 def draw_back(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """Return the step that brings an empty arm home, as slowly as a loaded one: a person is near."""
+    """The step that brings an empty arm home, as slowly as a loaded one: a person is near."""
     found = home(geometry, state, side)
     if found is None:
         return None

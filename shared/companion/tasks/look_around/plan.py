@@ -13,7 +13,7 @@ def look_around(known: Known, km: str) -> Subtasks | None:
 
 
 def points_around(geometry: Geometry, state: str) -> Step:
-    """Return the step that looks at points all around the front. It needs no fact."""
+    """The step that looks at points all around the front. It needs no fact."""
     return look_at(hfsm.Step("look-around"), POINTS)
 
 

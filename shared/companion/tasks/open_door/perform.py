@@ -73,12 +73,12 @@ def _to_handle(here: Situation, side: str, command: OpenDoor) -> Skill:
 
 
 def _middle(leaf: pin.SE3) -> np.ndarray:
-    """Return the place of a leaf's hinge, at half its height: the head sees all of it and the cabinet from there."""
+    """The place of a leaf's hinge, at half its height: the head sees all of it and the cabinet from there."""
     return np.asarray(leaf.translation)
 
 
 def _solved(here: Situation, side: str, command: OpenDoor) -> list[np.ndarray]:
-    """Return postures from the outermost point to the handle, by where the leaf is seen now."""
+    """Postures from the outermost point to the handle, by where the leaf is seen now."""
     poses = [here.seen[command.door] * transform(point.at) for point in command.approach]
     here.set_fingers(side, command.approach[-1].fingers)
     start = ik.solve(here.robot, side, poses[0], here.q, columns=names.ARM[side])
@@ -103,22 +103,19 @@ def _turn(here: Situation, side: str, command: OpenDoor) -> Skill:
     leaf = here.seen[command.door]
     begin = leaf.inverse() * here.robot.grip(here.q, side)
     end = begin if command.end is None else transform(command.end)
-    path = _arc(here, side, command, leaf, end)
+    for room in (MARGIN_M, 0.0):  # with some room where that is possible
+        try:
+            with attaching.room(here.world, room):
+                path = opening.arc(here.robot, here.world, side, here.q, command.door, leaf, command.turn, end)
+            break
+        except ik.PathBlocked as blocked:
+            why = line_ends(blocked)
+    else:
+        raise replan(fact(DoorKind.NOT_TURNED, side, command.door, why))
     try:
         yield motions.along(here, command.key, path, PULL_SPEED, settle_s=SETTLE_S, tolerance_m=BESIDE_M)
     finally:
         here.place(command.door, opening.led(leaf, command.turn, begin, end, here.robot.grip(here.q, side)))
-
-
-def _arc(here: Situation, side: str, command: OpenDoor, leaf: pin.SE3, end: pin.SE3) -> list[np.ndarray]:
-    """Return postures of the turn, with some room where that is possible, else without. Raises replan for none."""
-    for room in (MARGIN_M, 0.0):
-        try:
-            with attaching.room(here.world, room):
-                return opening.arc(here.robot, here.world, side, here.q, command.door, leaf, command.turn, end)
-        except ik.PathBlocked as blocked:
-            why = line_ends(blocked)
-    raise replan(fact(DoorKind.NOT_TURNED, side, command.door, why))
 
 
 def _let_go(here: Situation, side: str, command: OpenDoor) -> Skill:

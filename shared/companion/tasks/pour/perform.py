@@ -111,12 +111,12 @@ class Watch:
             self.why, self.gone = (fact(PourKind.DURING_THE_TILT, fact(Kind.OUT_OF_VIEW, self._name)),), True
 
     def _above(self) -> Facts:
-        """Return what is above it that was not there before, () for nothing."""
+        """What is above it that was not there before, () for nothing."""
         above = sorted(self._here.above(self._name, self._at) - self._before)
         return (fact(Kind.ABOVE, above[0], self._name),) if above else ()
 
     def _aside(self, sight: Sight) -> Facts:
-        """Return in what way it is seen elsewhere than before, () where it is not."""
+        """In what way it is seen elsewhere than before, () where it is not."""
         seen = sight.T_world_object
         if seen.rotation[:, 2] @ self._at.rotation[:, 2] < FALLEN:
             return (fact(Kind.FELL_OVER, self._name),)
@@ -124,7 +124,7 @@ class Watch:
         return (fact(Kind.MOVED, self._name, moved),) if moved > self._rim_radius / 2.0 else ()
 
     def _sure(self) -> int:
-        """Return by how many markers it would surely be seen from here; 0: it need not be seen.
+        """The number of markers by which it would surely be seen from here; 0: it need not be seen.
 
         By three, or by two where the last look that showed it had no more in view.
         """
@@ -225,7 +225,7 @@ def _drawn_back(here: Situation, command: Pour, rim: np.ndarray, speed: float) -
 
 
 def _away(here: Situation, command: Pour, rim: np.ndarray) -> list[np.ndarray]:
-    """Return the first straight way of the hand, none at best, that hides the least of the destination."""
+    """The first straight way of the hand, none at best, that hides the least of the destination."""
     grip = here.robot.grip(here.q, command.side)
     ways = [*((0.0, back, up) for back, up in AWAY), *((around, back, 0.0) for around, back in AROUND)]
     best: list[np.ndarray] = []
@@ -243,7 +243,7 @@ def _away(here: Situation, command: Pour, rim: np.ndarray) -> list[np.ndarray]:
 
 
 def _hidden(here: Situation, command: Pour, rim: np.ndarray, q: np.ndarray) -> float:
-    """Return how many points of the destination's opening are hidden at q (15,), with the head turned to it.
+    """How many points of the destination's opening are hidden at q (15,), with the head turned to it.
 
     Infinite where an arm is too near the head.
     """
@@ -306,7 +306,7 @@ def _tilted(here: Situation, command: Pour, flow: Stream, tilt: list[np.ndarray]
 
 
 def _upright(here: Situation, command: Pour, tilt: list[np.ndarray], rim: np.ndarray) -> Motion:
-    """Return the way back from somewhere in a tilt."""
+    """The way back from somewhere in a tilt."""
     return motions.along(here, command.key, moving.back(here, tilt), BACK_SPEED, watch=rim, settle_s=WEIGH_S)
 
 
@@ -339,7 +339,7 @@ def _much_left(here: Situation, command: Pour, after: Sensed) -> bool:
 
 
 def _farther(here: Situation, command: Pour, flow: Stream, tilt: list[np.ndarray]) -> list[np.ndarray]:
-    """Return a tilt that begins as this one and goes farther; this one where the arm cannot."""
+    """a tilt that begins as this one and goes farther; this one where the arm cannot."""
     first, last = command.tilts
     return _tilt(here, structs.replace(command, tilts=(first, last + FARTHER)), flow, tilt[0]) or tilt
 
@@ -362,7 +362,7 @@ def _begin(here: Situation, command: Pour, before: Sensed) -> None:
 
 
 def _felt(command: Pour, sensed: Sensed) -> float | None:
-    """Return the mass [kg] that is felt in the hand; None without a sensor, or where it does not feel the source."""
+    """The mass [kg] that is felt in the hand; None without a sensor, or where it does not feel the source."""
     grip = _grip(command, sensed)
     return grip.mass if grip.felt == Grip.HELD else None
 

@@ -80,7 +80,7 @@ def _beside(here: Situation, command: rc.Release, met: _Met) -> Skill:
 
 
 def _retreat(command: rc.Release) -> list[tuple[pin.SE3, float]]:
-    """Return T_object_grip and finger angle of each point of the way back."""
+    """T_object_grip and finger angle of each point of the way back."""
     return [(transform(point.at), point.fingers) for point in command.retreat]
 
 
@@ -102,7 +102,7 @@ def _lower(here: Situation, command: rc.Release, place: pin.SE3, path: list[np.n
 
 
 def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, list[np.ndarray]]:
-    """Return where to put it, and the path to above that place.
+    """Where to put it, and the path to above that place.
 
     The first of: the place of the plan, right here, where it stood before, a free spot.
     """
@@ -144,7 +144,7 @@ def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
 
 
 def _through(here: Situation, side: str, grip: pin.SE3, way: Sequence[Vector]) -> list[np.ndarray]:
-    """Return the checked path to the first of the offsets from `grip`, then straight on. Raises replan for none."""
+    """The checked path to the first of the offsets from `grip`, then straight on. Raises replan for none."""
     first, *others = (shifted(grip, np.array(offset)) for offset in way)
     path = _to(here, side, first)
     for pose in others:
@@ -153,7 +153,7 @@ def _through(here: Situation, side: str, grip: pin.SE3, way: Sequence[Vector]) -
 
 
 def _to(here: Situation, side: str, target: pin.SE3) -> list[np.ndarray]:
-    """Return the short, checked path from the set-point to `target`. Raises replan if there is none."""
+    """The short, checked path from the set-point to `target`. Raises replan if there is none."""
     q = ik.solve(here.robot, side, target, here.q, columns=names.ARM[side])
     if q is None or np.abs(q - here.q).max() > JOIN_LIMIT:
         raise replan(fact(Kind.NOT_ABOVE_ITS_PLACE, side))

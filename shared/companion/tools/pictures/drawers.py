@@ -111,7 +111,7 @@ class ActLanes:
 
 
 def drawers(sheet: Sheet) -> tuple[Drawer, ...]:
-    """Return all of them, in the order in which they draw."""
+    """All of them, in the order in which they draw."""
     scene = Scene(sheet)
     return (
         Velma(sheet),

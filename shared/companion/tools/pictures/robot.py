@@ -98,14 +98,14 @@ def chain(all_links: tuple[Link, ...], name: str) -> tuple[Link, ...]:
 
 
 def frame(pose: Pose) -> Array:
-    """Return a pose as a matrix (4, 4)."""
+    """a pose as a matrix (4, 4)."""
     found = np.eye(4)
     found[:3, :3], found[:3, 3] = matrix(pose.quat_wxyz), pose.xyz
     return found
 
 
 def pose(frame: Array) -> Pose:
-    """Return a matrix (4, 4) as a pose; the turn is the eigenvector of Bar-Itzhack's symmetric matrix (2000)."""
+    """a matrix (4, 4) as a pose; the turn is the eigenvector of Bar-Itzhack's symmetric matrix (2000)."""
     (a, b, c), (d, e, f), (g, h, i) = frame[:3, :3]
     symmetric = (
         (a + e + i, h - f, c - g, d - b),
@@ -191,6 +191,9 @@ STILL_RAD = 1e-4
 """A joint that turned less is not drawn again; estimate: 0.1 mm at an arm's length."""
 AXIS_M = 0.06
 """Length of a drawn axis; estimate."""
+FLOOR = rr.Boxes3D(
+    centers=[(0.5, 0.0, -0.01)], half_sizes=[(2.2, 2.2, 0.01)], colors=[(222, 226, 230)], fill_mode="solid"
+)
 
 
 class Velma:
@@ -202,9 +205,12 @@ class Velma:
         self._moving = [link for link in robot.links() if link.joint]
         self._entities = {link.name: entity(link) for link in self._moving}
         sheet.static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-        sheet.static("world/floor", _floor())
+        sheet.static("world/floor", FLOOR)
         for link in robot.links():
-            _look(sheet, link)
+            shaped(sheet, link)
+            placed(sheet, link)
+            if link.name in GRIP_BODY.values():
+                sheet.static(f"{entity(link)}/frame", axes())
         start = dict(zip(BODY, START.tolist(), strict=True))
         for link in self._moving:  # until the first telemetry, which may be late: the arms hang down
             turned = (link.at, robot.turned(link, start.get(link.joint, 0.0)))
@@ -230,15 +236,8 @@ def axes(length: float = AXIS_M) -> rr.Arrows3D:
 
 
 def entity(link: robot.Link, root: str = VELMA) -> str:
-    """Return the path of a link in Rerun."""
+    """The path of a link in Rerun."""
     return "/".join((root, *link.path))
-
-
-def _look(sheet: Sheet, link: robot.Link) -> None:
-    shaped(sheet, link)
-    placed(sheet, link)
-    if link.name in GRIP_BODY.values():
-        sheet.static(f"{entity(link)}/frame", axes())
 
 
 def placed(sheet: Sheet, link: robot.Link, root: str = VELMA) -> None:
@@ -269,12 +268,6 @@ def _drawn(kind: str, shapes: list[robot.Shape]) -> rr.AsComponents:
     # A capsule of Rerun begins at its origin; ours are given by their centres.
     starts = [np.array(s.at) - robot.matrix(s.quat_wxyz)[:, 2] * s.size[1] / 2 for s in shapes]
     return rr.Capsules3D(lengths=lengths, radii=radii, translations=starts, **look)
-
-
-def _floor() -> rr.AsComponents:
-    return rr.Boxes3D(
-        centers=[(0.5, 0.0, -0.01)], half_sizes=[(2.2, 2.2, 0.01)], colors=[(222, 226, 230)], fill_mode="solid"
-    )
 
 
 def xyzw(quat_wxyz: tuple[float, ...]) -> tuple[float, float, float, float]:

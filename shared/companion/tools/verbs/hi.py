@@ -92,7 +92,7 @@ class Hi:
 
 
 def terminal() -> str:
-    """Return a name for the terminal, the same for all that is said in it: its session on this machine."""
+    """a name for the terminal, the same for all that is said in it: its session on this machine."""
     return f"{os.getsid(0)}@{socket.gethostname()}"[:64]
 
 
@@ -105,7 +105,7 @@ def _reason(data: bytes) -> str:
 
 
 def address(fleet: Target) -> HiAddress:
-    """Return the address of a fleet's human interface. Raise HiError if it never published one."""
+    """The address of a fleet's human interface. Raise HiError if it never published one."""
     try:
         told = fleet.read(HI, HI_FILE)
         return msgspec.json.decode(told, type=HiAddress)
@@ -140,7 +140,7 @@ PAGE = Listener("page", "services.page")
 
 
 def when_started(attempt: Callable[[], T | ConsoleError], coming: Callable[[ConsoleError], bool], form: Format) -> T:
-    """Return what an attempt gives, made again for 90 s while it gives an error of something that is `coming`.
+    """What an attempt gives, made again for 90 s while it gives an error of something that is `coming`.
 
     Raise the error otherwise, NoRunError where the time is over.
     """

@@ -198,7 +198,7 @@ def _unheard(run: Path, view: View) -> Iterator[str]:
 
 
 def _found(tasks: tuple[TaskLine, ...], task: TaskLine, sentence: str) -> TaskLine | None:
-    """Return the task that the sentence became, as it is now."""
+    """The task that the sentence became, as it is now."""
     return next((line for line in tasks if task.task in ("", line.task) and line.said == sentence), None)
 
 
@@ -323,7 +323,7 @@ def _held(console: Console, form: Format) -> Speed:
         measured = checkup.measure()
     if measured is None or measured.held:
         return Speed.REAL
-    words = f"{measured.words}: --speed max is taken, --speed 1 insists on real time"
+    words = f"{measured.sentence}: --speed max is taken, --speed 1 insists on real time"
     console.out(msgspec.json.encode(measured).decode() if form is Format.JSON else words, highlight=False)
     return Speed.MAX
 

@@ -87,7 +87,7 @@ def say(
 
 
 def seconds_until(clock: str, now: datetime) -> float:
-    """Return the seconds until the next such time of day, HH:MM; 0 for "". Raise UsageError for anything else."""
+    """The seconds until the next such time of day, HH:MM; 0 for "". Raise UsageError for anything else."""
     if not clock:
         return 0.0
     try:
@@ -98,7 +98,7 @@ def seconds_until(clock: str, now: datetime) -> float:
 
 
 def followed(hi: Callable[[], Hi], said: TaskLine, wait: bool, form: Format) -> TaskLine:
-    """Return the task of a sentence once co has taken or refused it; with `wait` once all of the sentence has ended.
+    """The task of a sentence once co has taken or refused it; with `wait` once all of the sentence has ended.
 
     Then it is the first one that was not done, or the last one. Raise HiError where co says nothing, or hi stays away.
     """

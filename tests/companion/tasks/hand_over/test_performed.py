@@ -14,7 +14,7 @@ from companion.skills.performing import perform
 from companion.skills.situation import Sight
 from companion.skills.skill import Sensed
 from companion.tasks.hand_over import perform as handing
-from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind, sights, told
+from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind, outcome_facts, sights
 from services.task.words import observations
 from velma.kinematics.frames import standing
 from velma.sim import disturbances
@@ -51,7 +51,7 @@ def test_it_is_given_to_whom_pulls_and_both_senses_tell(jar_out: Acting):
     assert JAR not in {one.object for one in done.seen}
     (given,) = [one for one in done.evidence if one.claim is HandOverClaim.GIVEN]
     assert set(given.by) == {Sense.WRIST, Sense.EYES}
-    assert [one.kind for one in told(GIVE, done)] == [
+    assert [one.kind for one in outcome_facts(GIVE, done)] == [
         HandOverKind.HANDED_OVER,
         HandOverKind.FELT_LEAVING,
         HandOverKind.SEEN_LEAVING,
