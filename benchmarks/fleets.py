@@ -19,8 +19,7 @@ import msgspec
 from round_trip import SYSTEM, Block
 
 from agent_runtime.io import issuing
-from agent_runtime.io.links import UNIX_SOCKET
-from agent_runtime.io.sessions import free_endpoint
+from agent_runtime.io.sessions import UNIX_SOCKET, free_endpoint
 from companion.design import DESIGN
 
 HERE = Path(__file__).resolve().parent

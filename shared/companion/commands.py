@@ -95,7 +95,7 @@ def maker(row: Row, wish: Wish) -> Make:
 
 
 def table(name: str, language: str, general: dict[str, str]) -> dict[str, str]:
-    """a table of Phrases with the rows of all tasks behind the general ones. Raises ValueError if two agree."""
+    """A table of Phrases with the rows of all tasks behind the general ones. Raises ValueError if two agree."""
     found = dict(general)
     for row in rows():
         more: dict[str, str] = getattr(row.phrases, name).get(language, {})
@@ -112,7 +112,7 @@ def buttons(language: str) -> tuple[str, ...]:
 
 
 def example(language: str) -> str:
-    """a sentence to begin with."""
+    """A sentence to begin with."""
     return next(wish.example[language] for _, wish in wishes() if wish.example)
 
 

@@ -11,10 +11,9 @@ import pytest
 
 from companion.design import DESIGN
 from topdown.check import recorded
-from topdown.check.estimate import estimate
-from topdown.check.measure import Measured, measure
-from topdown.check.observe import Observed
-from topdown.check.trace import Shown, trace
+from topdown.check.estimate import Measured, estimate, measure
+from topdown.check.recorded import Observed
+from topdown.check.requirements import Shown, trace
 from topdown.model.findings import Kind
 
 RUNS = Path(__file__).with_name("pours")

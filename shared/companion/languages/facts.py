@@ -223,7 +223,7 @@ Facts = tuple[Fact, ...]
 
 
 def fact(kind: AnyKind, *parts: Any) -> Fact:
-    """a fact from the parts of its kind, in their order. Raises ValueError for others.
+    """A fact from the parts of its kind, in their order. Raises ValueError for others.
 
     Parts are str, Side, float and, as reasons, Fact or Facts.
     """
@@ -261,7 +261,7 @@ _BECAUSE_BYTES = len(msgspec.msgpack.encode("because")) + 3
 
 
 def _name(word: object) -> str:
-    """a word as it can be read (Of): a person may have used other letters, and blanks."""
+    """A word as it can be read (Of): a person may have used other letters, and blanks."""
     return re.sub(r"[^!-~]", "_", str(word))[:64]
 
 

@@ -83,7 +83,7 @@ def _names(steps: list[Step]) -> list[str]:
 
 
 def _name(step: hfsm.Step) -> str:
-    """a name that an operator knows the step by: take jar_1, home left."""
+    """A name that an operator knows the step by: take jar_1, home left."""
     return " ".join(filter(None, (step.does.replace("-", " "), *step.things, step.side)))
 
 
@@ -170,7 +170,7 @@ def _safe(request: str, number: int, holding: dict[Side, rc.Release]) -> hfsm.Ma
 
 
 def held_at(asking: Asking, state: str) -> dict[Side, rc.Release]:
-    """a release for each hand that holds something in `state`; ex chooses the place."""
+    """A release for each hand that holds something in `state`; ex chooses the place."""
     found = {}
     for side in SIDES:
         try:

@@ -278,7 +278,7 @@ def place(geometry: Geometry, state: str, side: Side, where: str = "") -> Step |
 def above(
     geometry: Geometry, here: Situation, side: Side, retreat: Retreat, target: Surfaces
 ) -> tuple[Placing, Motion] | None:
-    """a place for the held object and the motion to above it; None, with the reason noted, if there is none."""
+    """A place for the held object and the motion to above it; None, with the reason noted, if there is none."""
     held, state = here.held[side], here.state
     model = geometry.model(state, held.object)
     if target.spot is None:
@@ -311,7 +311,7 @@ def above(
 def _through(
     geometry: Geometry, here: Situation, side: Side, retreat: Retreat, target: Inside
 ) -> tuple[Placing, Motion] | None:
-    """a place behind an opening and the motion to before it; None, with the reason noted, if there is none."""
+    """A place behind an opening and the motion to before it; None, with the reason noted, if there is none."""
     held = here.held[side]
     T_held = held.T_grip_object
     outermost_first = [(T_release_grip.inverse() * T_held, fingers) for T_release_grip, fingers in reversed(retreat)]

@@ -248,7 +248,7 @@ class NotATask(Exception):
 def search(
     network: hfsm.GroundTaskNetwork, ask: Callable[[wm.AnyQuery], wm.AnyAnswer], seed: int
 ) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
-    """a plan, or NoPlan. All facts come through `ask`. Deterministic for a seed: limits count iterations.
+    """A plan, or NoPlan. All facts come through `ask`. Deterministic for a seed: limits count iterations.
 
     Where a thing has not been seen, it is a plan to look for it, and to plan again.
     """
@@ -321,14 +321,14 @@ def _thing(asking: Asking, word: str) -> str:
 
 
 def _side(asking: Asking, word: str) -> str:
-    """a word for a hand, "" for any."""
+    """A word for a hand, "" for any."""
     if word not in ("", *Side):
         raise NotATask(fact(Kind.NOT_A_HAND, word))
     return word
 
 
 def _place(asking: Asking, word: str) -> str:
-    """a word for places that km knows; the steps choose one of them."""
+    """A word for places that km knows; the steps choose one of them."""
     facts = StateFacts(asking)
     if word != BACK and not facts.places("", word):
         seen = sorted(facts.places("", "furniture"))

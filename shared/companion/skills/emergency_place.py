@@ -85,7 +85,7 @@ def free_spot(
     largest: float = LARGEST_TILT,
     height: float | None = None,
 ) -> tuple[pin.SE3, list[np.ndarray]] | None:
-    """a free place and the joint path to above it; None if none was found.
+    """A free place and the joint path to above it; None if none was found.
 
     The object tilts by at most `largest` [rad] on the way, or as it is. `height`: of its origin at the place [m]; None:
     any.

@@ -230,7 +230,7 @@ def refusal(error: MotionError) -> Refusal:
 
 
 def motion(key: str, q: Array, **options: Any) -> Motion:
-    """a motion along knots `q` (n, 15), or at rest in a posture (15,). Options are the fields of Motion.
+    """A motion along knots `q` (n, 15), or at rest in a posture (15,). Options are the fields of Motion.
 
     Raises MotionError.
     """

@@ -100,7 +100,7 @@ def along(
 
 
 def still(here: Situation, key: str, *, watch: Point | None = None, **options: Any) -> Motion:
-    """a motion that holds the set-point while head or hands move."""
+    """A motion that holds the set-point while head or hands move."""
     head = None if watch is None else turning(here, [here.q], aim(float(here.q[names.TORSO]), watch))
     return motion(key, here.q, head=head, **options)
 

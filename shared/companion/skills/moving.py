@@ -30,7 +30,7 @@ def free_path(
     speed: float,
     keep: motion.Keep | None = None,
 ) -> list[np.ndarray] | None:
-    """a free path to the first possible of `goals` (15,), with the largest margin possible, or None."""
+    """A free path to the first possible of `goals` (15,), with the largest margin possible, or None."""
     wanted = list(goals)
     for margin in ROOM_M:
         with attaching.room(here.world, margin):
@@ -202,7 +202,7 @@ def line_ends(blocked: ik.PathBlocked) -> Fact:
 def legs(
     here: Situation, side: str, q: np.ndarray, poses: Sequence[pin.SE3], *, torso: bool = False
 ) -> list[list[np.ndarray]]:
-    """a straight, checked path of the grip from q (15,) to the first pose, and one to each further pose.
+    """A straight, checked path of the grip from q (15,) to the first pose, and one to each further pose.
 
     `torso`: as of straight. Raises replan if one is blocked.
     """

@@ -426,7 +426,7 @@ def _edge(hole: models.Opening) -> list[tuple[float, float, float]]:
 
 
 def beginning(robot: Robot, things: dict[str, str], markers: Mapping[str, Array]) -> Situation:
-    """a situation with nothing seen or held.
+    """A situation with nothing seen or held.
 
     `things`: the model by the id of each thing, as markers tell it; `markers`: their corners (n, 4, 3) [m] in the
     thing's frame.

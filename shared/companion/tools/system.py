@@ -19,7 +19,7 @@ PROCESSES = (
     Process("ex", "services.executor", after=(*FIRST, "loop"), workers=EX_WORKERS),
     Process("co", "services.coordinator", after=FIRST),
     Process("hi", "services.human_interface", after=FIRST),
-    Process("page", "services.page", after=("router",), optional=True, workers=("uvicorn", "services.page.app")),
+    Process("page", "services.page", after=("router",), optional=True),
 )
 
 SAYS = {

@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 from collections.abc import Iterator
-from pathlib import Path
 
 from companion.asking import PREFIXES, Question, Rows, Term
 from companion.languages import cmd, hfsm, rc, sw, wm
@@ -13,7 +12,7 @@ from companion.tools.report.plans import Act, Made, Ran, acts, made, ran
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
 from operate.recording.records import Spoken
-from operate.recording.traced import Run
+from operate.recording.run import Run
 from operate.tracing.reasons import Fact, Passage, Why, record
 from operate.tracing.trace import Message, Span, Trace
 
@@ -168,9 +167,9 @@ TRUTH = {"hasExactPose": ("only predicted", "known as it was seen"), "isMoveable
 """Words for false and for true."""
 
 
-def believed(file: Path, run: Run, name: str, at: float | None = None) -> Why | None:
+def believed(run: Run, name: str, at: float | None = None) -> Why | None:
     """What is believed of a thing, now or `at` [s after the first communicate]; None for an unknown one."""
-    known = asking.known(file, at)
+    known = asking.known(run, at)
     thing = next((one for one in _things(known) if name in (one, plain(one), one.partition("_")[0])), None)
     if thing is None:
         return None

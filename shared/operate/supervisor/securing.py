@@ -7,25 +7,23 @@ The first ones are made beside the start of the router, which waits for them: ha
 """
 
 import datetime as dt
-import random
-import socket
 import threading
 import time
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from agent_runtime.io.links import UNIX_SOCKET
-from agent_runtime.io.reaching import require_loopback
+from agent_runtime.io.reaching import free_port
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTER, key_file
+from agent_runtime.io.sessions import UNIX_SOCKET
 from operate.wires.files import place
 from topdown.model.design import Design
 
 TLS, PLAIN = "tls/", "tcp/"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 DAYS = 7.0
-"""Lifetime of keys, as agent_runtime.io.keys has it (a test compares): that module is loaded beside the start."""
+"""Lifetime of keys, as agent_runtime.io.issuing has it (a test compares): that module is loaded beside the start."""
 LAST = 1 / 7
 """Of the time that keys hold: then they are renewed (of a week its last day: as long as a machine may sleep)."""
 AGAIN_S = 60.0  # estimate: a day is left
@@ -33,11 +31,6 @@ SOCKETS_FOLDER = "links"
 LONGEST_SOCKET = 107 - len(".lock")  # sun_path (unix(7)); Zenoh writes a lock file beside it
 ENDPOINT_MARKS = "?#;"
 """Of Zenoh's endpoints."""
-RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
-PORTS, TRIES = 10_000, 100
-"""So many ports below those of outgoing connections are looked at, and so often (estimate: few of them are taken)."""
-_KEPT: list[socket.socket] = []
-"""UDP sockets that tell other fleets of this machine which TCP ports will be listened at."""
 
 
 class Keys:
@@ -138,10 +131,10 @@ class Keys:
         return self._due == float("inf") or key_file(self.folder or Path(), ROUTER).exists()
 
     def _make(self) -> dt.datetime:
-        from agent_runtime.io import issuing, keys
+        from agent_runtime.io import issuing
 
         assert self.folder is not None
-        hosts = tuple(dict.fromkeys((*keys.HOSTS, place(self.address)[0])))
+        hosts = tuple(dict.fromkeys((*issuing.HOSTS, place(self.address)[0])))
         systems, now = (self._system,), dt.datetime.fromtimestamp(time.time(), dt.UTC)
         made = issuing.issue(
             self.folder,
@@ -152,7 +145,7 @@ class Keys:
             now=now,
         )
         until = made.until
-        self._from = until.timestamp() - self._days * 86400.0 - keys.BACK.total_seconds() / 2
+        self._from = until.timestamp() - self._days * 86400.0 - issuing.BACK.total_seconds() / 2
         self._due = until.timestamp() - LAST * self._days * 86400.0
         return until
 
@@ -166,31 +159,3 @@ def socket_in(run: Path, agent: str) -> str:
             f" {ENDPOINT_MARKS}; name another folder with --out"
         )
     return f"{UNIX_SOCKET}{name}"
-
-
-def free_port() -> int:
-    """A TCP port of the loopback interface that nobody listens on now, so that several fleets run side by side.
-
-    Who listens does so seconds later: it is none of those that the system may give to outgoing connections meanwhile,
-    and no other fleet is given it while this process lives, since the UDP port of the same number is kept. Raise
-    OSError.
-    """
-    require_loopback()
-    lowest = _lowest_given()
-    for port in (*random.sample(range(lowest - PORTS, lowest), TRIES), 0):
-        kept = socket.socket(type=socket.SOCK_DGRAM)
-        with socket.socket() as probe, suppress(OSError):
-            probe.bind(("127.0.0.1", port))
-            found = int(probe.getsockname()[1])
-            kept.bind(("127.0.0.1", found))
-            _KEPT.append(kept)
-            return found
-        kept.close()
-    raise OSError("no TCP port of 127.0.0.1 is free; end what listens there (`ss -ltn`)")
-
-
-def _lowest_given() -> int:
-    """Return the lowest port that the system gives to outgoing connections; 32768, Linux's default, elsewhere."""
-    with suppress(OSError, ValueError, IndexError):
-        return max(int(RANGE.read_text().split()[0]), 1024 + PORTS)
-    return 32768

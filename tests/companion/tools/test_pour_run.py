@@ -13,8 +13,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agent_runtime.io.heartbeat import ready_file
-from agent_runtime.io.run_files import heartbeat_file
+from agent_runtime.io.run_files import heartbeat_file, ready_file
 from companion.tools.system import SYSTEM
 from companion.tools.verbs import pour_run
 from operate.cli.terminal.console import Console

@@ -50,7 +50,7 @@ def moved(true_past: History) -> tuple[float, Noted]:
 
 
 def texts(sheet: Noted, name: str) -> list[tuple[float, str]]:
-    """Return the labels of a thing."""
+    """The labels of a thing."""
     found = [(at, text) for at, rows in sheet.of(LABELS) for _, text in rows]
     return [(at, text) for at, text in found if text.startswith(f"{name}:")]
 

@@ -336,7 +336,7 @@ def _much_left(here: Situation, command: Pour, after: Sensed) -> bool:
 
 
 def _farther(here: Situation, command: Pour, flow: Stream, tilt: list[np.ndarray]) -> list[np.ndarray]:
-    """a tilt that begins as this one and goes farther; this one where the arm cannot."""
+    """A tilt that begins as this one and goes farther; this one where the arm cannot."""
     first, last = command.tilts
     return _tilt(here, structs.replace(command, tilts=(first, last + FARTHER)), flow, tilt[0]) or tilt
 

@@ -11,7 +11,7 @@ import rerun as rr
 
 from companion.telemetry import Picture
 from companion.tools.pictures import robot
-from companion.tools.pictures.robot import entity
+from companion.tools.pictures.velma import entity
 from operate.pictures.colours import GREY
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, images, outlines

@@ -14,8 +14,8 @@ from companion.tools.pictures.believed import Believed
 from companion.tools.pictures.camera import CAMERA, Camera
 from companion.tools.pictures.imagined import Imagined
 from companion.tools.pictures.plan import Plan
-from companion.tools.pictures.robot import Velma
 from companion.tools.pictures.scene import Contacts, Scene
+from companion.tools.pictures.velma import Velma
 from fipa_codec.performatives import Performative
 from operate.pictures import blueprint as views
 from operate.pictures.happenings import Happening

@@ -10,8 +10,8 @@ from companion.languages import hfsm, rc, sw
 from companion.languages.values import Pose, Side
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot, scene
-from companion.tools.pictures.robot import entity, placed, shaped
 from companion.tools.pictures.scene import Scene
+from companion.tools.pictures.velma import entity, placed, shaped
 from operate.pictures.colours import PLANNED
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import HIDDEN, Sheet, transforms

@@ -10,7 +10,7 @@ from companion.languages import wm
 from companion.languages.values import Box, Cylinder, Pose, Sphere
 from companion.models import KNOWN_AS, MODELS
 from companion.telemetry import TrueState
-from companion.tools.pictures.robot import xyzw
+from companion.tools.pictures.velma import xyzw
 from operate.pictures.colours import RED
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, arrows, points, transforms

@@ -216,7 +216,7 @@ def vector(text: str) -> tuple[float, ...]:
 
 
 def described(one: Disturbance) -> str:
-    """a disturbance in words: "wrist zero left", "encoder bias left_arm_3_joint by 0.05"."""
+    """A disturbance in words: "wrist zero left", "encoder bias left_arm_3_joint by 0.05"."""
     by = f"by {','.join(f'{x:g}' for x in one.by)}" if one.by else ""
     parts = (one.on, one.kind, by) if one.of is Of.THING else (one.of, one.kind, one.on, by)
     return " ".join(filter(None, parts))

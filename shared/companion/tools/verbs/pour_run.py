@@ -15,8 +15,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from agent_runtime.io.heartbeat import ready_file
-from agent_runtime.io.run_files import heartbeat_file
+from agent_runtime.io.run_files import heartbeat_file, ready_file
 from agent_runtime.io.tap import RECORDER
 from companion.eyes import VARIABLE, Eyes
 from companion.eyes import eyes as named

@@ -17,7 +17,7 @@ from agent_runtime.io.run_files import STOP_FILE, LinkedError
 from companion.languages.cmd import TaskState
 from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSED, SLOTS_FILE, STOPPED, Say, TaskLine
 from companion.stop_words import calls_for_help, may_answer, stop_words
-from companion.tools.verbs.hi import HUMAN_INTERFACE, PERIOD_S, Hi, HiError, address, starting, when_started
+from companion.tools.verbs.hi import HUMAN_INTERFACE, PERIOD_S, Hi, HiError, address, starting, terminal, when_started
 from operate.cli.errors import NO, ConsoleError, FleetError, UsageError
 from operate.cli.fleet import living_names, targets
 from operate.cli.fleet.local import Local
@@ -145,7 +145,7 @@ def _answers(text: str, target: str, run_dir: Path | None) -> tuple[str, ...]:
     if not may_answer(text):
         return ()
     try:
-        return Hi(address(targets.find(target, run_dir))).answers()
+        return Hi(address(targets.find(target, run_dir))).answers(terminal())
     except ConsoleError:
         return ()
 

@@ -17,7 +17,7 @@ from operate.cli.design.show import write
 from operate.cli.errors import UsageError
 from operate.cli.output import Form, Format, tell_json
 from operate.system import NoSystemError, here
-from topdown.draw import text
+from topdown.draw import document
 from topdown.draw.document import Grid
 from topdown.draw.protocols import ALWAYS, draw
 
@@ -75,57 +75,62 @@ class Shown(msgspec.Struct, frozen=True):
     roles: dict[Role, Side]
 
 
-def list_(form: Form = Format.TEXT) -> None:
-    """List the protocols that a design can follow.
-
-    Of the specifications, of the paper, and those that the design here brings along.
-
-    Examples:
-      roco protocol list
-    """
-    with files.problems(form):
-        found = [about for about, _ in every()]
-        if form is Format.JSON:
-            tell_json(found)
-            return
-        rows = tuple((one.name, _several(one.aliases), _several(one.openings), one.origin) for one in found)
-        print(text.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
-
-
-def show(
-    name: Annotated[str, typer.Argument(help="A protocol.", autocompletion=completion.every_protocol)],
+def protocol(
+    name: Annotated[
+        str, typer.Argument(metavar="[NAME]", help="A protocol.", autocompletion=completion.every_protocol)
+    ] = "",
     svg: Annotated[Path | None, typer.Option("--svg", help="Draw the exchange, and write it here.")] = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Show the tables of a protocol: who may say what in which state.
+    """List the protocols that a design can follow; show the tables of one: who may say what in which state.
 
-    They alone decide what is in sequence: agents, the judge and the proof read them. An act that has no row in a state
-    is an error there. The drawing shows the exchange as if nothing crossed on the way.
+    Listed are those of the specifications, of the paper, and those that the design here brings along.
+
+    The tables alone decide what is in sequence: agents, the judge and the proof read them. An act that has no row in a
+    state is an error there. The drawing shows the exchange as if nothing crossed on the way.
 
     Examples:
-      roco protocol show request
-      roco protocol show fipa-contract-net --svg contract_net.svg
+      roco protocol
+      roco protocol request
+      roco protocol fipa-contract-net --svg contract_net.svg
     """
     with files.problems(form):
-        about, protocol = _meant(name)
-        made = write(draw(protocol).svg(), svg)
+        if not name:
+            if svg is not None:
+                raise UsageError("--svg draws one protocol; name it: `roco protocol NAME --svg FILE`")
+            found = [about for about, _ in every()]
+            if form is Format.JSON:
+                tell_json(found)
+                return
+            rows = tuple((one.name, _several(one.aliases), _several(one.openings), one.origin) for one in found)
+            print(document.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
+            return
+        about, one = _meant(name)
+        made = write(draw(one).svg(), svg)
         if form is Format.JSON:
-            tell_json(_plain(about, protocol))
+            roles = {
+                role: Side(
+                    tuple(Line(*row) for row in _by_state(table)),
+                    *(tuple(sorted(getattr(table, mark))) for mark in MEANING),
+                )
+                for role, table in one.tables.items()
+            }
+            tell_json(Shown(about, tuple(sorted(one.confirmed)), tuple(sorted(one.rounds)), roles))
         elif made:
             print(f"wrote {svg}")
         else:
-            print(_written(about, protocol, _width()))
+            print(_written(about, one, _width()))
 
 
 def every() -> list[tuple[Listed, Protocol]]:
-    """Return all protocols, those of the design here first. Raise DesignError where it cannot be read."""
+    """All protocols, those of the design here first. Raises DesignError where it cannot be read."""
     own = _own()
     others = sorted((one for one in known() if one.name not in own), key=lambda one: one.name)
     return [*own.values(), *((_listed(one, _origin(one)), one) for one in others)]
 
 
 def _own() -> dict[str, tuple[Listed, Protocol]]:
-    """Return the protocols that the design of the system here brings along; none if no system is found."""
+    """The protocols that the design of the system here brings along; none if no system is found."""
     try:
         system = here()
     except NoSystemError:
@@ -141,7 +146,7 @@ def _meant(name: str) -> tuple[Listed, Protocol]:
         if name in (about.name, *about.aliases):
             return about, protocol
     names = ", ".join(about.name for about, _ in found)
-    raise UsageError(f"no protocol {name!r}; there are {names}: `roco protocol list`")
+    raise UsageError(f"no protocol {name!r}; there are {names}: `roco protocol`")
 
 
 def _listed(one: Protocol, origin: str, words: str = "") -> Listed:
@@ -149,44 +154,26 @@ def _listed(one: Protocol, origin: str, words: str = "") -> Listed:
 
 
 def _origin(one: Protocol) -> str:
-    """Return the origin of a protocol's rules: one of the two profiles, or both."""
+    """The origin of a protocol's rules: one of the two profiles, or both."""
     differs = (one in FIPA) != (one in PAPER)
     return ("FIPA" if one in FIPA else "the paper") if differs else "FIPA and the paper"
 
 
-def _plain(about: Listed, protocol: Protocol) -> Shown:
-    roles = {role: _side(table) for role, table in protocol.tables.items()}
-    return Shown(about, tuple(sorted(protocol.confirmed)), tuple(sorted(protocol.rounds)), roles)
-
-
-def _side(table: Table) -> Side:
-    rows = tuple(Line(*row) for row in _by_state(table))
-    return Side(rows, *(tuple(sorted(getattr(table, mark))) for mark in MEANING))
-
-
 def _by_state(table: Table) -> list[Row]:
-    """Return the rows, those of a state together, in the order in which states first appear."""
+    """The rows, those of a state together, in the order in which states first appear."""
     places = {state: number for number, state in enumerate(dict.fromkeys(row.state for row in table))}
     return sorted(table, key=lambda row: places[row.state])
 
 
 def _written(about: Listed, protocol: Protocol, width: int) -> str:
-    sides = [_side_written(role, table, width) for role, table in protocol.tables.items()]
-    return "\n\n".join([_filled(_facts(about, protocol), width), *sides, _filled(_legend(protocol), width)])
-
-
-def _facts(about: Listed, protocol: Protocol) -> list[str]:
     names = f", also called {_several(about.aliases)}" if about.aliases else ""
     facts = [f"{about.name}{names}: opened by {_several(about.openings)}; rules of {about.origin}", about.text]
     facts += [f"Each {act} is answered by a confirm." for act in sorted(protocol.confirmed)]
     facts += [f"Each further {act} of the initiator opens a new round." for act in sorted(protocol.rounds)]
-    return [fact for fact in facts if fact]
-
-
-def _legend(protocol: Protocol) -> list[str]:
-    """Return the kinds of its acts in words, and what no table says."""
+    sides = [_side_written(role, table, width) for role, table in protocol.tables.items()]
     used = {row.kind for table in protocol.tables.values() for row in table}
-    return [*(f"[{kind}]: {words}." for kind, words in KINDS.items() if kind in used), ALWAYS]
+    legend = [*(f"[{kind}]: {words}." for kind, words in KINDS.items() if kind in used), ALWAYS]
+    return "\n\n".join([_filled(list(filter(None, facts)), width), *sides, _filled(legend, width)])
 
 
 def _side_written(role: Role, table: Table, width: int) -> str:
@@ -195,15 +182,15 @@ def _side_written(role: Role, table: Table, width: int) -> str:
         says = "says" if row.way is Way.SEND else "hears"
         rows.append((row.state if row.state != last else "", says, row.word, row.to))
         last = row.state
-    lines = [text.table(Grid(str(role), ("state", "says or hears", "act", "next state"), tuple(rows)), width)]
+    lines = [document.table(Grid(str(role), ("state", "says or hears", "act", "next state"), tuple(rows)), width)]
     for mark, words in MEANING.items():
         if states := sorted(getattr(table, mark)):
-            lines += text.hung(f"{mark:<9}", f"{', '.join(states)}: {words}", width, " " * 9)
+            lines += document.hung(f"{mark:<9}", f"{', '.join(states)}: {words}", width, " " * 9)
     return "\n".join(lines)
 
 
 def _filled(paragraphs: list[str], width: int) -> str:
-    return "\n".join(line for one in paragraphs for line in text.cell(one, width))
+    return "\n".join(line for one in paragraphs for line in document.cell(one, width))
 
 
 def _several(words: tuple[str, ...]) -> str:
@@ -211,4 +198,4 @@ def _several(words: tuple[str, ...]) -> str:
 
 
 def _width() -> int:
-    return max(LEAST, shutil.get_terminal_size((text.WIDTH, 0)).columns)
+    return max(LEAST, shutil.get_terminal_size((document.WIDTH, 0)).columns)

@@ -1,6 +1,5 @@
 """`roco conversation`: list the conversations of a run, and show one as a sequence diagram in the terminal."""
 
-from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -8,7 +7,6 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from operate.cli import completion
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
@@ -16,9 +14,9 @@ from operate.cli.terminal import sequence
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.filter_options import Agents, Channels, Performatives, Protocols, Recorded, wanted
 from operate.cli.traffic.listen import about
-from operate.cli.traffic.verdicts import judged, told
+from operate.cli.traffic.subject import Subject, lines_of
 from operate.run_folder import Judged
-from operate.system import NoSystemError
+from operate.tracing.trace import is_meant
 from topdown.judge import follow
 from topdown.judge.verdicts import Verdict
 from topdown.model.design import Design
@@ -40,17 +38,8 @@ class Conversation(msgspec.Struct, frozen=True):
     said: tuple[Judged, ...]
 
 
-def names(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the conversations of the run that the options before the word name, for the shell to complete."""
-    recording, run_dir = (completion.path_given(ctx, name) for name in ("run", "run_dir"))
-    try:
-        lines = _lines(recording, run_dir, ctx.params.get("target") or "")
-    except (ConsoleError, NoSystemError):
-        return []
-    return completion.among(dict.fromkeys(one.conversation for one in lines), incomplete)
-
-
-def list_(
+def conversation(
+    subject: Subject = "",
     channel: Channels = None,
     agent: Agents = None,
     protocol: Protocols = None,
@@ -62,59 +51,43 @@ def list_(
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """List conversations, oldest first.
+    """List the conversations of a run, oldest first; show one as a sequence diagram.
 
     Of a running fleet so far, as its monitor judged them; of a recording as they are judged now. A conversation is
-    meant if something of it is.
+    listed if any of its messages matches. The diagram of one has what was said when, the states after it, and what the
+    judge says.
 
     Examples:
-      roco conversation list --open
-      roco conversation list --channel CHANNEL --performative failure
-      roco conversation list --run recording.mcap --format json
+      roco conversation --open
+      roco conversation --channel CHANNEL --performative failure
+      roco conversation --run recording.mcap --format json
+      roco conversation AGENT-1-1
+      roco conversation AGENT-1-3 --run recording.mcap --format json
     """
     with problems(form):
         design = about(run, run_dir, target).design
         which = wanted(design, channel, agent, protocol, performative)
         kept = [
             one
-            for one in conversations(_lines(run, run_dir, target), design)
-            if any(map(which.keeps, one.said)) and open_ in (None, not one.ended) and (one.violations or not wrong)
+            for one in conversations(lines_of(run, target, run_dir), design)
+            if any(map(which.keeps, one.said))
+            and open_ in (None, not one.ended)
+            and (one.violations or not wrong)
+            and (not subject or is_meant(subject, one.id, one.participant))
         ]
+        if subject and not kept:
+            raise ConsoleError(f"no conversation {subject!r} in this run; `roco conversation` lists them")
         if form is Format.JSON:
-            tell_json([msgspec.structs.replace(one, said=()) for one in kept])
+            tell_json(kept if subject else [msgspec.structs.replace(one, said=()) for one in kept])
             return
         console = Console()
-        console.print(table(kept))
-        console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
-
-
-def show(
-    id: Annotated[
-        str, typer.Argument(help="A conversation, as `roco conversation list` names it.", autocompletion=names)
-    ],
-    run: Recorded = None,
-    target: targets.Name = "",
-    run_dir: RunDir = None,
-    form: Form = Format.TEXT,
-) -> None:
-    """Show a conversation as a sequence diagram: what was said when, the states after it, and what the judge says.
-
-    Examples:
-      roco conversation show AGENT-1-1
-      roco conversation show AGENT-1-3 --run recording.mcap --format json
-    """
-    with problems(form):
-        design = about(run, run_dir, target).design
-        found = [one for one in conversations(_lines(run, run_dir, target), design) if one.id == id]
-        if not found:
-            raise ConsoleError(f"no conversation {id!r} in this run; `roco conversation list` shows them")
-        if form is Format.JSON:
-            tell_json(found)
-            return
-        console = Console()
-        for one in found:
-            console.print(sequence.heading(one.channel, one.protocol, one.id, one.states, one.ended))
-            console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
+        if subject:
+            for one in kept:
+                console.print(sequence.heading(one.channel, one.protocol, one.id, one.ended))
+                console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
+        else:
+            console.print(table(kept))
+            console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
 
 
 def conversations(lines: list[Judged], design: Design) -> list[Conversation]:
@@ -165,9 +138,3 @@ def _made(said: list[Judged], design: Design) -> Conversation:
         violations=sum(one.violation for one in said),
         said=tuple(said),
     )
-
-
-def _lines(run: Path | None, run_dir: Path | None, target: str) -> list[Judged]:
-    if run is None:
-        return targets.find(target, run_dir).verdicts()
-    return told(run) if run.is_dir() else judged(run)

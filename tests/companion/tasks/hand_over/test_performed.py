@@ -15,7 +15,7 @@ from companion.skills.situation import Sight
 from companion.skills.skill import Sensed
 from companion.tasks.hand_over import perform as handing
 from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind, outcome_facts, sights
-from services.task.words import observations
+from services.task.outgoing_messages import observations
 from velma.kinematics.frames import standing
 from velma.sim import disturbances
 from velma.sim.disturbances import Disturbance, Of

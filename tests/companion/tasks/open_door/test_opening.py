@@ -15,7 +15,7 @@ from services.knowledge.answers import ask
 from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
-from services.task.words import observations
+from services.task.outgoing_messages import observations
 from velma.kinematics.robot import Robot
 from velma.model.scene import CANONICAL, load
 
