@@ -1,6 +1,7 @@
 """Makes the synthetic run of tests/operate importable (tests have no packages)."""
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
