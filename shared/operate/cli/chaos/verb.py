@@ -26,6 +26,7 @@ from operate.cli.runs import trials
 from operate.cli.runs.experiment import span
 from operate.cli.seeds import FirstSeed
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from operate.system import here
 
 # --- Findings of chaos as tables: one per kind of fault, a row per process, a column per phase, seeds in the cells
@@ -57,12 +58,9 @@ def tables(results: Sequence[Result]) -> Iterator[Table]:
     for kind in dict.fromkeys(one.cell.kind for one in results):
         own = [one for one in results if one.cell.kind == kind]
         columns = list(dict.fromkeys(one.cell.phase for one in own))
-        drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-        for name in (kind, *columns):
-            drawn.add_column(name, overflow="fold")
-        for target in dict.fromkeys(one.cell.target for one in own):
-            drawn.add_row(target, *(_seeds(own, target, phase) for phase in columns))
-        yield drawn
+        targets = dict.fromkeys(one.cell.target for one in own)
+        rows = ((Text(target), *(_seeds(own, target, phase) for phase in columns)) for target in targets)
+        yield table((kind, *columns), rows, fold=(kind, *columns))
 
 
 def lines(results: Sequence[Result]) -> Iterator[str]:

@@ -12,7 +12,6 @@ from typing import Annotated, Any
 
 import msgspec
 import typer
-from rich.table import Table
 
 from operate.cli import completion, interrupts
 from operate.cli.faults import inflict, moments
@@ -20,6 +19,7 @@ from operate.cli.faults.kinds import KINDS, Amount
 from operate.cli.fleet import living_names, targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from operate.fault_lines import latest, read
 from operate.run_folder import Fault
 
@@ -40,6 +40,7 @@ Speaker = Annotated[
     str,
     typer.Option("--as", metavar="NAME", help="Who floods: the operator, or a peer.", autocompletion=completion.agents),
 ]
+HEADS = ("begun", "fault", "lasted", "what came of it")
 WITHIN_S = 300.0
 """Estimate: longer than a pour on a loaded machine."""
 EMPTY = Parameter.empty
@@ -259,7 +260,7 @@ def list_(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format
         if form is Format.JSON:
             tell_json(Faults(fleet.where, every, tuple(healed)))
         elif every:
-            Console().print(_table(every))
+            Console().print(table(HEADS, map(_row, every), fold=HEADS))
         else:
             print(f"no fault was done to {fleet.where}")
 
@@ -282,12 +283,7 @@ def lasted(fault: Fault) -> float:
     return (fault.ended or fault.t) - fault.began if fault.began else 0.0
 
 
-def _table(faults: tuple[Fault, ...]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("begun", "fault", "lasted", "what came of it"):
-        table.add_column(name, overflow="fold")
-    for one in faults:
-        began = f"{datetime.fromtimestamp(one.began):%H:%M:%S}" if one.began else "–"
-        now = one.text or ("goes on" if one.began else "waits for its moment")
-        table.add_row(began, one.words, f"{lasted(one):.1f} s" if one.ended else "", now)
-    return table
+def _row(one: Fault) -> tuple[str, ...]:
+    began = f"{datetime.fromtimestamp(one.began):%H:%M:%S}" if one.began else "–"
+    now = one.text or ("goes on" if one.began else "waits for its moment")
+    return began, one.words, f"{lasted(one):.1f} s" if one.ended else "", now

@@ -5,7 +5,6 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from agent_runtime.core.errors import JournalError
@@ -21,6 +20,7 @@ from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import pairs, table
 from operate.run_folder import ProcessState
 from topdown.model.parameters import worded
 
@@ -38,10 +38,8 @@ def _table(console: Console, title: str, rows: list[tuple[str, ...]]) -> None:
     if not rows:
         return
     console.print(title, style="dim", highlight=False)
-    drawn = Table.grid(padding=(0, 2, 0, 0))
-    for row in rows:
-        drawn.add_row("", *row)
-    console.print(drawn, highlight=False)
+    heads = ("",) * (1 + len(rows[0]))
+    console.print(table(heads, (("", *row) for row in rows), fold=("",), pad_edge=False), highlight=False)
 
 
 def _waiting(one: Waits) -> tuple[str, ...]:
@@ -200,16 +198,10 @@ def tell(done: Done, form: Format) -> None:
 def show(told: Info, console: Console) -> None:
     """For people."""
     row, beat = told.row, told.beat or Beat()
-    grid = Table.grid(padding=(0, 2))
-    grid.add_column(style="dim")
-    grid.add_column(overflow="fold")
-    for name, value in facts(row, beat, told.channels).items():
-        if value:
-            grid.add_row(name, value)
     console.print(Text.assemble((row.name, "bold"), f"  {row.state}  ", (told.where, "dim")))
     if row.trouble:
         console.print(row.trouble, style="red")
-    console.print(grid)
+    console.print(pairs((name, value) for name, value in facts(row, beat, told.channels).items() if value))
     if beat.inside is not None:
         show_inside(beat.inside, console)
     if told.log:

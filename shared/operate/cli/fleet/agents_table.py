@@ -1,11 +1,11 @@
 """The processes of a fleet as a table for people: `roco agents` and `roco top`."""
 
-from rich.table import Table
 from rich.text import Text
 
 from operate.cli.fleet.process_status import LATE_S, Row
 from operate.cli.fleet.state_words import COLOURS
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from operate.run_folder import ProcessState
 
 COLUMNS = ("agent", "state", "beat", "cpu", "memory", "pid", "life", "again", "waits")
@@ -14,20 +14,10 @@ COLUMNS = ("agent", "state", "beat", "cpu", "memory", "pid", "life", "again", "w
 def show(found: tuple[Row, ...]) -> None:
     """Print a line for each, then what is wrong with whom."""
     console = Console()
-    console.print(table(found))
+    console.print(table(COLUMNS, map(cells, found), right=COLUMNS[2:]))
     for row in found:
         if row.trouble:
             console.print(Text.assemble((f"{row.name}: ", "bold"), (row.trouble, "red")))
-
-
-def table(found: tuple[Row, ...]) -> Table:
-    """A line for each."""
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in COLUMNS:
-        drawn.add_column(name, no_wrap=True, justify="left" if name in ("agent", "state") else "right")
-    for row in found:
-        drawn.add_row(*cells(row))
-    return drawn
 
 
 def cells(row: Row) -> tuple[Text, ...]:

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import msgspec
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from operate.cli.errors import NO, ConsoleError
@@ -14,6 +13,7 @@ from operate.cli.fleet.checkup import FLEET, MACHINE, Check, Checks, Level
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from operate.system import NoSystemError, UntrustedError, here
 
 MARKS = {Level.FINE: ("✓", "green"), Level.NOTE: ("i", "yellow"), Level.WRONG: ("✗", "bold red")}
@@ -88,16 +88,13 @@ def _own(fleet: Target | None) -> Checks:
 
 def show(checks: tuple[Check, ...], console: Console) -> None:
     """A row for each: what is, and below it what to do."""
-    drawn = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
-    drawn.add_column(no_wrap=True)
-    drawn.add_column(no_wrap=True)
-    drawn.add_column(overflow="fold")
+    rows = []
     for check in checks:
         mark, style = MARKS[check.level]
         what = Text(check.what, style if check.level is Level.WRONG else "")
         if check.remedy:
             what.append(f"\n→ {check.remedy}", "not bold cyan")
-        drawn.add_row(Text(mark, style), Text(check.name, "bold"), what)
-    console.print(drawn)
+        rows.append((Text(mark, style), Text(check.name, "bold"), what))
+    console.print(table(("mark", "name", "what"), rows, fold=("what",), show_header=False))
     wrong = sum(check.level is Level.WRONG for check in checks)
     console.print(f"{wrong} of {len(checks)} checks found something wrong" if wrong else "nothing is wrong")

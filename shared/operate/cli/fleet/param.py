@@ -6,7 +6,6 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from agent_runtime.core.control import Order, Pause, Resume, SetLevel, SetParameter, Value
@@ -16,6 +15,7 @@ from operate.cli.fleet import operator, targets
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from topdown.model.parameters import Parameters, allowed, worded
 
 # --- `roco agent pause|resume|log-level NAME`: orders to one agent while it runs -------------------------------------
@@ -81,6 +81,7 @@ def _ordered(agent: str, order: Order, text: str, target: str, run_dir: Path | N
 # --- `roco param list|get|set` ----------------------------------------------------------------------------------------
 
 
+HEADS = ("agent", "parameter", "value", "default", "allowed", "says")
 Name = Annotated[str, typer.Argument(metavar="NAME", help="A parameter of it.", autocompletion=completion.parameters)]
 
 
@@ -123,7 +124,7 @@ def list_(
         if form is Format.JSON:
             tell_json(told)
         elif told.parameters:
-            Console().print(table(told.parameters))
+            Console().print(table(HEADS, map(_row, told.parameters), fold=HEADS))
         else:
             print(f"{agent or fleet.system.name} has no parameters; docs/parameters.md says how to give it some")
 
@@ -182,15 +183,9 @@ def shown(fleet: Target, agent: str) -> Iterator[Shown]:
         yield Shown(agent, name, now[name], parameters.defaults[name], allowed(entry), entry.says)
 
 
-def table(found: tuple[Shown, ...]) -> Table:
-    """A line for each; a value that was set is bold."""
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("agent", "parameter", "value", "default", "allowed", "says"):
-        drawn.add_column(name, overflow="fold")
-    for one in found:
-        value = Text(worded(one.value), "" if one.value == one.default else "bold")
-        drawn.add_row(one.agent, one.name, value, worded(one.default), Text(one.allowed), one.says)
-    return drawn
+def _row(one: Shown) -> tuple[str | Text, ...]:
+    value = Text(worded(one.value), "" if one.value == one.default else "bold")  # bold: it was set
+    return one.agent, one.name, value, worded(one.default), Text(one.allowed), one.says
 
 
 def _tell(one: Shown, form: Format) -> None:

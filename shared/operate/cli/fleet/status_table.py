@@ -1,11 +1,11 @@
 """Output of `roco status` for people: a table of the processes, then the tasks."""
 
-from rich.table import Table
 from rich.text import Text
 
 from operate.cli.fleet.fleet_state import Status
 from operate.cli.fleet.state_words import COLOURS
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from operate.run_folder import ProcessState, ProcessStatus
 
 
@@ -15,7 +15,17 @@ def show(now: Status) -> None:
     held = (("  STOPPED", "bold red"), " (`roco release`)") if now.stop_held else ()
     console.print(Text.assemble(f"run {now.run}", *held))
     if now.fleet is not None:
-        console.print(table(now))
+        rows = (
+            (
+                one.name,
+                Text(one.state, COLOURS.get(one.state, "")),
+                str(one.pid or "-"),
+                str(one.restarts),
+                note(one, now),
+            )
+            for one in now.fleet.processes
+        )
+        console.print(table(("process", "state", "pid", "restarts", ""), rows, fold=("",)))
     if now.unkept:
         console.print(f"{now.unkept}: `roco down`, then `roco up`", style="bold red", highlight=False, soft_wrap=True)
     if now.keys:
@@ -30,15 +40,6 @@ def show(now: Status) -> None:
         console.print(f"{task.task}  {task.state}  {task.said}  {task.text}", highlight=False, soft_wrap=True)
     if now.problem:
         console.print(now.problem, style="yellow")
-
-
-def table(now: Status) -> Table:
-    """The processes; behind each what is wrong with it."""
-    table = Table("process", "state", "pid", "restarts", "", box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for status in now.fleet.processes if now.fleet else ():
-        state = Text(status.state, COLOURS.get(status.state, ""))
-        table.add_row(status.name, state, str(status.pid or "-"), str(status.restarts), note(status, now))
-    return table
 
 
 def note(status: ProcessStatus, now: Status) -> str:

@@ -28,6 +28,7 @@ from operate.cli.terminal.console import Console
 from operate.cli.terminal.draw import events
 from operate.cli.terminal.graph import WINDOW_S, Edge, edges, sized
 from operate.cli.terminal.run_state import Plan, View
+from operate.cli.terminal.table import table
 from operate.run_folder import LiveLine, Sent
 from operate.system import System
 
@@ -200,11 +201,8 @@ def header(screen: Screen, system: System) -> Text:
 
 def agents(screen: Screen, now: Look, view: View, system: System) -> Table:
     """Return the table of agents: what each does in words, heartbeat, processor and memory."""
-    drawn = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", expand=True)
-    drawn.add_column("agent", no_wrap=True)
-    drawn.add_column("does", no_wrap=True, overflow="ellipsis", ratio=1)
-    for name in (*SHOWN, "sent"):
-        drawn.add_column(name, no_wrap=True, justify="right")
+    numbers = (*SHOWN, "sent")
+    drawn = table(("agent", "does", *numbers), right=numbers, cut=("does",), padding=(0, 1, 0, 0), expand=True)
     for row, one in zip(screen.agents, now.seen, strict=True):
         words, style = (row.trouble, "red") if row.trouble else doing(one.status, view, system)
         cell = dict(zip(COLUMNS, cells(row), strict=True))
@@ -215,12 +213,10 @@ def agents(screen: Screen, now: Look, view: View, system: System) -> Table:
 
 def channels(screen: Screen, view: View) -> Table:
     """Rates of each channel, and what was said last."""
-    drawn = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", expand=True)
-    for name in ("on", "between"):
-        drawn.add_column(name, no_wrap=True)
-    for name in ("rate", "bandwidth", "said"):
-        drawn.add_column(name, no_wrap=True, justify="right", min_width=6)
-    drawn.add_column("last", no_wrap=True, overflow="ellipsis", ratio=1)
+    numbers = ("rate", "bandwidth", "said")
+    heads = ("on", "between", *numbers, "last")
+    wide = dict.fromkeys(numbers, 6)
+    drawn = table(heads, right=numbers, cut=("last",), least=wide, padding=(0, 1, 0, 0), expand=True)
     for edge in screen.channels:
         heard = view.channels.get(edge.name)
         light = "green" if edge.per_s else "dim"
