@@ -24,9 +24,9 @@ from soak_agents import SYSTEM, Memory, answerer, asker
 from agent_runtime.core.state import restored
 from agent_runtime.io import issuing
 from agent_runtime.io.journal import last_record
+from agent_runtime.io.reaching import free_port
 from agent_runtime.io.sessions import free_endpoint
 from companion.design import DESIGN
-from operate.supervisor.securing import free_port
 from operate.wires import files
 from operate.wires.files import Wires
 

@@ -16,11 +16,11 @@ import pytest
 from toy_fleet import wait_for
 
 from agent_runtime.io.heartbeat import Heartbeat
+from agent_runtime.io.reaching import free_port
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import open_client
 from operate.cli.runs import folders
-from operate.supervisor.securing import free_port
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(120)]
 EVERY_S = 0.01

@@ -12,7 +12,7 @@ import msgspec
 
 from agent_runtime.io.heartbeat import Heartbeat
 from agent_runtime.io.options import AGENTS_VARIABLE, LISTEN_VARIABLE
-from operate.supervisor.securing import free_port
+from agent_runtime.io.reaching import free_port
 
 DEADLINE_S = 30.0
 TOY = Path(__file__).with_name("toy_process.py")

@@ -5,11 +5,13 @@ port answers, and which of the two certificates is not taken.
 """
 
 import datetime as dt
+import random
 import re
 import socket
 import ssl
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +109,41 @@ def require_loopback() -> None:
     """Raise OSError where the processes of this host cannot meet on 127.0.0.1; it says what to do."""
     if why := no_loopback():
         raise OSError(f"{why}: {LOOPBACK_REMEDY}")
+
+
+RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
+PORTS, TRIES = 10_000, 100
+"""So many ports below those of outgoing connections are looked at, and so often (estimate: few of them are taken)."""
+_KEPT: list[socket.socket] = []
+"""UDP sockets that tell other fleets of this machine which TCP ports will be listened at."""
+
+
+def free_port() -> int:
+    """A TCP port of the loopback interface that nobody listens on now, so that several fleets run side by side.
+
+    Who listens does so seconds later: it is none of those that the system may give to outgoing connections meanwhile,
+    and no other fleet is given it while this process lives, since the UDP port of the same number is kept. Raise
+    OSError.
+    """
+    require_loopback()
+    lowest = _lowest_given()
+    for port in (*random.sample(range(lowest - PORTS, lowest), TRIES), 0):
+        kept = socket.socket(type=socket.SOCK_DGRAM)
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            found = int(probe.getsockname()[1])
+            kept.bind(("127.0.0.1", found))
+            _KEPT.append(kept)
+            return found
+        kept.close()
+    raise OSError("no TCP port of 127.0.0.1 is free; end what listens there (`ss -ltn`)")
+
+
+def _lowest_given() -> int:
+    """Return the lowest port that the system gives to outgoing connections; 32768, Linux's default, elsewhere."""
+    with suppress(OSError, ValueError, IndexError):
+        return max(int(RANGE.read_text().split()[0]), 1024 + PORTS)
+    return 32768
 
 
 def _handshake(connection: socket.socket, host: str, tls: dict[str, Any]) -> str:

@@ -8,7 +8,6 @@ All measured with eclipse-zenoh 1.10.2.
 
 import ctypes
 import json
-import socket
 import sys
 import threading
 import time
@@ -18,7 +17,7 @@ from typing import Any
 import zenoh
 
 from agent_runtime.core.errors import RuntimeFault
-from agent_runtime.io.reaching import Tries, require_loopback
+from agent_runtime.io.reaching import Tries, free_port
 from fipa_codec.communicate import MAX_BYTES
 
 # --- Largest size of a message: the sender checks before it puts, since a router silently drops what is too long -----
@@ -239,7 +238,4 @@ def close(session: zenoh.Session, within_s: float = CLOSE_S) -> bool:
 
 def free_endpoint() -> str:
     """A loopback endpoint whose port nobody uses now. Raise OSError where processes cannot meet there."""
-    require_loopback()
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{one.getsockname()[1]}"
+    return f"tcp/127.0.0.1:{free_port()}"

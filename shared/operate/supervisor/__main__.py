@@ -88,10 +88,8 @@ def main(
             routing, told = ROUTER in (process.name for process in processes), endpoints(agents)
             own = tuple(process.name for process in processes if process.name in bound.design.agents)
             given = Path(keys) if keys and not insecure else None
-            away = elsewhere(bound.design, own, told)
+            away = linked_elsewhere(bound.design, own, told, given, whole=routing and not told)
             unix = links is Linking.UNIX
-            if why_not := unlinkable(own, away, given, parted=bool(told) or not routing):
-                raise ValueError(why_not)
             if unix and (told or faults):
                 raise ValueError("--links unix goes with neither --agents nor --faults: sockets are of this host alone")
             if check:
@@ -154,24 +152,21 @@ def main(
         shell.serve()
 
 
-def elsewhere(design: Design, own: tuple[str, ...], told: dict[str, str]) -> tuple[str, ...]:
-    """Return the neighbours of the agents that start here (`own`) whose endpoints nobody told."""
-    near = {peer for name in own for peer in design.peers(name)}
-    return tuple(name for name in design.agents if name in near - {*own, *told})
+def linked_elsewhere(
+    design: Design, own: tuple[str, ...], told: dict[str, str], keys: Path | None, *, whole: bool
+) -> tuple[str, ...]:
+    """The neighbours of the agents that start here (`own`) whose endpoints nobody told: nobody runs them.
 
-
-def unlinkable(own: tuple[str, ...], away: tuple[str, ...], keys: Path | None, *, parted: bool) -> str:
-    """Return why the agents `own` that are started here cannot be linked, "" where they can.
-
-    `away`: their neighbours that nobody told of. `keys`: those that are given, None: they are made here, or there are
-    none. `parted`: a part of the fleet is somewhere else.
+    `keys`: those that are given. `whole`: no part of the fleet is somewhere else. ValueError: `own` cannot be linked.
     """
-    if away and parted:
-        return f"{', '.join(away)} would be elsewhere; --agents tells where agents elsewhere listen"
-    without = [name for name in own if keys is not None and not links_file(keys, name).exists()]
-    if without:
-        return f"{keys} has no rules of {', '.join(without)} for its neighbours; `roco keys make` makes keys that have"
-    return ""
+    near = {peer for name in own for peer in design.peers(name)}
+    away = tuple(name for name in design.agents if name in near - {*own, *told})
+    if away and not whole:
+        raise ValueError(f"{', '.join(away)} would be elsewhere; --agents tells where agents elsewhere listen")
+    if without := [name for name in own if keys is not None and not links_file(keys, name).exists()]:
+        lacks = f"{keys} has no rules of {', '.join(without)} for its neighbours"
+        raise ValueError(f"{lacks}; `roco keys make` makes keys that have")
+    return away
 
 
 def chosen(only: str, processes: tuple[Process, ...]) -> tuple[Process, ...]:

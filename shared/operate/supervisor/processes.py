@@ -32,7 +32,7 @@ class Process(msgspec.Struct, frozen=True):
 
 
 # Agents start side by side: each is ready when a ping was answered on each of its channels: they wait for each other.
-# They start after the monitor, so that the recording has their first word.
+# They end before the monitor, which then has their last word. They do not wait until it is ready: it reads their logs.
 FIRST = ("router", "monitor")
 
 
@@ -40,7 +40,15 @@ def around(router: str = "operate.router", monitor: str = "operate.recording") -
     """The router and the monitor of a system, run by these modules."""
     return (
         Process("router", router),
-        Process("monitor", monitor, after=("router",), optional=True, stop_within_s=REPORT_S, hangs_s=RECORDS_S),
+        Process(
+            "monitor",
+            monitor,
+            after=("router",),
+            optional=True,
+            patience_s=0.0,
+            stop_within_s=REPORT_S,
+            hangs_s=RECORDS_S,
+        ),
     )
 
 

@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from agent_runtime.io.options import AGENTS_VARIABLE, LISTEN_VARIABLE, Options
+from agent_runtime.io.reaching import free_port
 from agent_runtime.io.sessions import free_endpoint
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import FipaError
@@ -22,7 +23,6 @@ from operate.recording.records import Identity, Spoken
 from operate.run_folder import ProcessState
 from operate.supervisor import folder
 from operate.supervisor.keeping import KeptError, kept
-from operate.supervisor.securing import free_port
 from operate.supervisor.shell import Shell, end_left
 from operate.system import System, load
 from operate.wording import escaped, one_line

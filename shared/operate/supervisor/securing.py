@@ -7,8 +7,6 @@ The first ones are made beside the start of the router, which waits for them: ha
 """
 
 import datetime as dt
-import random
-import socket
 import threading
 import time
 from collections.abc import Mapping
@@ -16,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from agent_runtime.io.links import UNIX_SOCKET
-from agent_runtime.io.reaching import require_loopback
+from agent_runtime.io.reaching import free_port
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTER, key_file
 from operate.wires.files import place
@@ -33,11 +31,6 @@ SOCKETS_FOLDER = "links"
 LONGEST_SOCKET = 107 - len(".lock")  # sun_path (unix(7)); Zenoh writes a lock file beside it
 ENDPOINT_MARKS = "?#;"
 """Of Zenoh's endpoints."""
-RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
-PORTS, TRIES = 10_000, 100
-"""So many ports below those of outgoing connections are looked at, and so often (estimate: few of them are taken)."""
-_KEPT: list[socket.socket] = []
-"""UDP sockets that tell other fleets of this machine which TCP ports will be listened at."""
 
 
 class Keys:
@@ -166,31 +159,3 @@ def socket_in(run: Path, agent: str) -> str:
             f" {ENDPOINT_MARKS}; name another folder with --out"
         )
     return f"{UNIX_SOCKET}{name}"
-
-
-def free_port() -> int:
-    """A TCP port of the loopback interface that nobody listens on now, so that several fleets run side by side.
-
-    Who listens does so seconds later: it is none of those that the system may give to outgoing connections meanwhile,
-    and no other fleet is given it while this process lives, since the UDP port of the same number is kept. Raise
-    OSError.
-    """
-    require_loopback()
-    lowest = _lowest_given()
-    for port in (*random.sample(range(lowest - PORTS, lowest), TRIES), 0):
-        kept = socket.socket(type=socket.SOCK_DGRAM)
-        with socket.socket() as probe, suppress(OSError):
-            probe.bind(("127.0.0.1", port))
-            found = int(probe.getsockname()[1])
-            kept.bind(("127.0.0.1", found))
-            _KEPT.append(kept)
-            return found
-        kept.close()
-    raise OSError("no TCP port of 127.0.0.1 is free; end what listens there (`ss -ltn`)")
-
-
-def _lowest_given() -> int:
-    """Return the lowest port that the system gives to outgoing connections; 32768, Linux's default, elsewhere."""
-    with suppress(OSError, ValueError, IndexError):
-        return max(int(RANGE.read_text().split()[0]), 1024 + PORTS)
-    return 32768

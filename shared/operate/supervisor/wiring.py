@@ -5,9 +5,9 @@ from pathlib import Path
 import msgspec
 
 from agent_runtime.io.options import AGENTS_VARIABLE
+from agent_runtime.io.reaching import free_port
 from agent_runtime.io.secured import ROUTER
 from operate.supervisor.processes import Process
-from operate.supervisor.securing import free_port
 from operate.wires import clocks, files
 from topdown.model.design import Design
 

@@ -9,7 +9,7 @@ from agent_runtime.io.options import USAGE_ERROR
 from companion.tools.system import PROCESSES
 from operate.run_folder import ProcessState
 from operate.supervisor import core
-from operate.supervisor.processes import Process
+from operate.supervisor.processes import Process, agents, around
 
 THREE = (
     Process("router", "r"),
@@ -191,6 +191,17 @@ def test_the_end_comes_in_reverse_order() -> None:
     ended = [action for _ in range(4) for action in world.tick()]
     assert ended == [core.Terminate("ta"), core.Terminate("monitor"), core.Terminate("router")]
     assert world.fleet.ended
+
+
+def test_agents_start_beside_the_monitor_and_end_before_it() -> None:
+    """It reads their logs, so it misses nothing of their start; its report has their end."""
+    world = World((*around(), *agents("a", "ta")))
+    world.tick()
+    world.tell(core.Ready("router"))
+    assert [*world.tick(), *world.tick()] == [core.Start("monitor"), core.Start("ta")]
+    world.fleet = core.stop(world.fleet)
+    ended = [action for _ in range(4) for action in world.tick()]
+    assert ended == [core.Terminate("ta"), core.Terminate("monitor"), core.Terminate("router")]
 
 
 def test_who_does_not_end_in_order_is_killed_once() -> None:

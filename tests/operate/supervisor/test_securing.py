@@ -9,7 +9,7 @@ import pytest
 from cryptography import x509
 
 import agent_runtime.io.keys
-from agent_runtime.io import issuing
+from agent_runtime.io import issuing, reaching
 from agent_runtime.io.secured import rights_of
 from companion.tools.system import SYSTEM
 from operate.supervisor import securing
@@ -206,20 +206,20 @@ def test_the_router_cannot_take_the_last_starts_keys(tmp_path: Path, monkeypatch
 
 def test_no_free_port_is_one_of_outgoing_connections() -> None:
     """Else somebody's connection has it when its listener starts, seconds later; twenty are twenty."""
-    lowest = int(securing.RANGE.read_text().split()[0])
-    found = {securing.free_port() for _ in range(20)}
+    lowest = int(reaching.RANGE.read_text().split()[0])
+    found = {reaching.free_port() for _ in range(20)}
     assert len(found) == 20
     assert all(1024 <= port < lowest for port in found)
 
 
 def test_a_port_that_was_given_is_given_to_no_other_fleet(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two of them that start at once: the second asks before the first listens."""
-    given = securing.free_port()
-    monkeypatch.setattr(securing, "_lowest_given", lambda: given + 1)
-    monkeypatch.setattr(securing, "PORTS", 1)
-    monkeypatch.setattr(securing, "TRIES", 1)
+    given = reaching.free_port()
+    monkeypatch.setattr(reaching, "_lowest_given", lambda: given + 1)
+    monkeypatch.setattr(reaching, "PORTS", 1)
+    monkeypatch.setattr(reaching, "TRIES", 1)
     with socket.socket() as listener:
-        assert securing.free_port() != given
+        assert reaching.free_port() != given
         listener.bind(("127.0.0.1", given))
 
 
@@ -228,7 +228,7 @@ def test_where_all_of_these_are_taken_any_free_port_is_given(monkeypatch: pytest
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
-        monkeypatch.setattr(securing, "_lowest_given", lambda: port + 1)
-        monkeypatch.setattr(securing, "PORTS", 1)
-        monkeypatch.setattr(securing, "TRIES", 1)
-        assert securing.free_port() != port
+        monkeypatch.setattr(reaching, "_lowest_given", lambda: port + 1)
+        monkeypatch.setattr(reaching, "PORTS", 1)
+        monkeypatch.setattr(reaching, "TRIES", 1)
+        assert reaching.free_port() != port

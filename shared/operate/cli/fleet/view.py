@@ -7,7 +7,6 @@ import contextlib
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,7 @@ import msgspec
 import typer
 
 from agent_runtime.io import fleet_processes
+from agent_runtime.io.reaching import free_port
 from operate.cli import completion, interrupts
 from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import targets
@@ -204,13 +204,6 @@ def program() -> str:
     if place is None:
         raise ConsoleError("Rerun is not installed here: pip install 'robot-companion[monitor]'")
     return place
-
-
-def free_port() -> int:
-    """A port nobody listens at."""
-    with socket.socket() as probe:
-        probe.bind((HOST, 0))
-        return int(probe.getsockname()[1])
 
 
 def has_display() -> bool:
