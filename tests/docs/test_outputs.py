@@ -61,7 +61,7 @@ def test_every_verb_of_roco_is_shown_with_its_output() -> None:
 def test_all_verbs_are_known() -> None:
     """Verbs of verbs too."""
     names = list(verbs.every())
-    assert {"up", "design check", "conversation show"} <= set(names)
+    assert {"up", "design check", "conversation"} <= set(names)
     assert "design" not in names
 
 

@@ -87,7 +87,7 @@ def roco(*words: object) -> Result:
         ("replay", "--verify"),
         ("why", "--run"),
         ("trace", "--run"),
-        ("conversation", "list", "--run"),
+        ("conversation", "--run"),
         ("export", "--out", "tables"),
         ("compare", "run"),
     ],
@@ -165,7 +165,7 @@ def test_help_and_completion_import_nothing_of_a_project(
             "strange x",
             "up --only r",
             "cancel ",
-            "conversation show --run run c",
+            "conversation --run run c",
             "traffic echo --run run --channel ",
             "agent stop --run-dir run d",
         )

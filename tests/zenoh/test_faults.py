@@ -229,7 +229,7 @@ def test_a_flood_of_orders_leaves_an_agent_that_obeys(depot: Depot) -> None:
     """It is the same one as before, and its log level, too."""
     before = depot.seen("desk")
     depot.roco("fault", "flood", "desk", "--per-second", "200", "--for", "1", "--run-dir", str(depot.run))
-    assert "desk: shows" in depot.roco("agent", "log-level", "desk", "info", "--run-dir", str(depot.run))
+    assert "info" in depot.roco("param", "desk", "log-level", "info", "--run-dir", str(depot.run))
     after = depot.seen("desk")
     assert (after.status.pid, after.status.state) == (before.status.pid, ProcessState.READY)
 
@@ -263,7 +263,7 @@ def test_the_clock_of_one_agent_is_stepped(depot: Depot) -> None:
     before = depot.seen("mule").status.pid
     process = depot.begin("fault", "clock", "mule", "3600", "--for", "120", "--run-dir", str(depot.run))
     wait_for(lambda: any(one.kind == "clock" and one.began for one in depot.last()), "it is stepped", PATIENCE_S)
-    depot.roco("agent", "log-level", "mule", "debug", "--run-dir", str(depot.run))
+    depot.roco("param", "mule", "log-level", "debug", "--run-dir", str(depot.run))
     assert (depot.seen("mule").status.pid, logs(0.0)) == (before, True)
     depot.roco("agent", "restart", "mule", "--run-dir", str(depot.run))
     wait_for(lambda: logs(3600.0), "its next life logs an hour later", PATIENCE_S)

@@ -278,7 +278,7 @@ def test_no_agent_needs_the_router(depot: Depot) -> None:
     assert depot.seen("router").status.state is not ProcessState.READY
     verb(depot, "agent", "start", "router")
     verb(depot, "agent", "pause", "desk")  # tools reach agents again
-    verb(depot, "agent", "resume", "desk")
+    verb(depot, "agent", "start", "desk")
     goes_on(depot)
 
 

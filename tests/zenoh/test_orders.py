@@ -86,7 +86,7 @@ def test_a_paused_agent_beats_takes_no_step_and_is_told_as_paused(depot: Depot) 
     wait_for(lambda: depot.beat("mule")["at"] > before["at"] + 2, "it beats on")
     now = depot.beat("mule")
     assert (now["pid"], now["state"], now["paused"]) == (before["pid"], before["state"], True)
-    assert depot.roco("agent", "resume", "mule")["paused"] is False
+    assert depot.roco("agent", "start", "mule")["paused"] is False
     wait_for(lambda: depot.beat("mule")["state"] != now["state"], "it goes on", 60.0)
     assert depot.state("mule") != "paused"
 
@@ -98,40 +98,40 @@ def test_a_pause_is_kept_over_a_kill(depot: Depot) -> None:
     os.kill(before["pid"], signal.SIGKILL)
     wait_for(lambda: depot.beat("traffic")["incarnation"] == before["incarnation"] + 1, "it is back")
     assert depot.beat("traffic")["paused"] is True
-    depot.roco("agent", "resume", "traffic")
+    depot.roco("agent", "start", "traffic")
 
 
 def test_the_log_level_is_changed_while_it_runs(depot: Depot) -> None:
     """The agent's output has no more of what it does, though it goes on; its log file has all of it."""
     out, file = depot.run / "ox.log", depot.run / "logs" / "ox.jsonl"
-    assert depot.roco("agent", "log-level", "ox", "error")["level"] == "error"
+    assert depot.roco("param", "ox", "log-level", "error")["value"] == "error"
     silent, written = out.stat().st_size, file.stat().st_size
     wait_for(lambda: file.stat().st_size > written + 2000, "it goes on", 60.0)
     assert out.stat().st_size == silent
-    assert depot.roco("agent", "log-level", "ox", "debug")["level"] == "debug"
+    assert depot.roco("param", "ox", "log-level", "debug")["value"] == "debug"
     wait_for(lambda: out.stat().st_size > silent, "it is told again", 60.0)
 
 
 def test_a_parameter_decides_from_the_next_step_on(depot: Depot) -> None:
     """With both robots paused an order fails after as many calls as the parameter says; a restart keeps it."""
-    assert depot.roco("param", "get", "dispatcher", "rounds")["value"] == 20
+    assert depot.roco("param", "dispatcher", "rounds")["value"] == 20
     for robot in ("mule", "ox"):
         depot.roco("agent", "pause", robot)
-    assert depot.roco("param", "set", "dispatcher", "rounds", "1")["value"] == 1
+    assert depot.roco("param", "dispatcher", "rounds", "1")["value"] == 1
     wait_for(lambda: depot.said("no robot was free in 1 calls"), "the order is given up", 60.0)
     assert depot.roco("agent", "restart", "dispatcher")["process"] == "ready"
-    (rounds,) = depot.roco("param", "list", "dispatcher")["parameters"]
+    (rounds,) = depot.roco("param", "dispatcher")["parameters"]
     assert (rounds["value"], rounds["default"], rounds["allowed"]) == (1, 20, "an integer from 1 to 1000")
     for robot in ("mule", "ox"):
-        depot.roco("agent", "resume", robot)
+        depot.roco("agent", "start", robot)
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("param", "set", "dispatcher", "rounds", "0"), "rounds of dispatcher cannot be '0'; it is an integer from 1"),
-        (("param", "set", "dispatcher", "round", "5"), "dispatcher has no parameter 'round'; its parameters: rounds"),
-        (("param", "get", "ox", "rounds"), "agent ox has no parameter 'rounds'; its parameters: none"),
+        (("param", "dispatcher", "rounds", "0"), "rounds of dispatcher cannot be '0'; it is an integer from 1"),
+        (("param", "dispatcher", "round", "5"), "dispatcher has no parameter 'round'; its parameters: rounds"),
+        (("param", "ox", "rounds"), "agent ox has no parameter 'rounds'; its parameters: none"),
         (("agent", "pause", "router"), "'router' is not an agent of depot; its agents: desk, dispatcher"),
     ],
 )
@@ -142,7 +142,7 @@ def test_what_cannot_be_is_wrong_use(depot: Depot, words: tuple[str, ...], said:
 
 def test_orders_are_recorded(depot: Depot) -> None:
     """By the monitor, as all else; and by the agent's own log."""
-    depot.roco("agent", "log-level", "desk", "info")
+    depot.roco("param", "desk", "log-level", "info")
     lines = (depot.run / "logs" / "desk.jsonl").read_text
     wait_for(lambda: '"order":"log level info"' in lines(), "it is in the agent's log")
 
@@ -165,7 +165,7 @@ def test_only_the_operator_can_give_orders(depot: Depot) -> None:
     wait_for(lambda: depot.beat("desk")["at"] > before + 2, "it beats twice")
     assert depot.beat("desk")["answer"]["id"] != "stolen"
     assert depot.roco("agent", "pause", "desk")["paused"] is True  # whereas the operator's key does
-    depot.roco("agent", "resume", "desk")
+    depot.roco("agent", "start", "desk")
 
 
 def test_logs_follow_what_is_written(depot: Depot) -> None:
@@ -175,7 +175,7 @@ def test_logs_follow_what_is_written(depot: Depot) -> None:
         assert follows.stdout is not None
         lines = map(json.loads, follows.stdout)
         assert next(lines)["fields"].get("order") != "log level warning"  # it has begun to follow
-        depot.roco("agent", "log-level", "desk", "warning")
+        depot.roco("param", "desk", "log-level", "warning")
         assert any(line["fields"].get("order") == "log level warning" for line in lines)
         follows.send_signal(signal.SIGINT)
         assert follows.wait(20.0) == 0

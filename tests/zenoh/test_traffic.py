@@ -131,7 +131,10 @@ def test_nobody_answers(router: Router) -> None:
     """Exit code 3, and what can be looked at instead."""
     router.close()
     process = subprocess.run(
-        [*ROCO, "traffic", "hz", "--run-dir", str(router.run)], capture_output=True, timeout=DEADLINE_S, check=False
+        [*ROCO, "traffic", "stats", "hz", "--run-dir", str(router.run)],
+        capture_output=True,
+        timeout=DEADLINE_S,
+        check=False,
     )
     assert process.returncode == 3
     assert b"--run" in process.stderr

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 RUNS = Path("runs")
 NAMING = ("file", "design", "run", "recording", "run_dir")
 """Parameters that name a design file or a run."""
+LEVEL = "log-level"
+"""What every agent has beside the parameters of its design."""
 KINDS = ("channel", "agent", "protocol", "performative")
 """Kinds that `roco replay --only KIND=NAME` can choose by."""
 
@@ -74,15 +76,19 @@ def pairs(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the parameters of the agent that was named before; else of all agents."""
+    """The parameters of the agent that was named before; else of all agents."""
     agent = ctx.params.get("agent")
     every = [one for design in _designs(ctx) for name, one in design.agents.items() if agent in (None, name)]
-    return _begun(incomplete, ([parameter.name for parameter in one.parameter] for one in every))
+    return among([*(parameter.name for one in every for parameter in one.parameter), LEVEL], incomplete)
 
 
 def parameter_values(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the choices of the parameter that was named before, and its default."""
+    """The choices of the parameter that was named before, and its default."""
     agent, name = ctx.params.get("agent"), ctx.params.get("name")
+    if name == LEVEL:
+        from agent_runtime.core.control import LEVELS
+
+        return among(LEVELS, incomplete)
     every = [design.agents[agent] for design in _designs(ctx) if agent in design.agents]
     named = [one for entry in every for one in entry.parameter if one.name == name]
     return _begun(incomplete, (map(str, (*one.choices, one.default)) for one in named))

@@ -91,7 +91,7 @@ class Verbs(TyperGroup):
         if asked and not args[0].startswith("-") and self.called(ctx, args[0]) is None:
             ctx.fail(unknown(" ".join(filter(None, (self.words, args[0]))), list(self.commands)))
         name, command, rest = super().resolve_command(ctx, args)
-        return name, command.load() if isinstance(command, Summary) else command, rest
+        return name, command.load(rest) if isinstance(command, Summary) else command, rest
 
 
 class Summary(TyperCommand):
@@ -101,11 +101,19 @@ class Summary(TyperCommand):
     above = ""
     """Its words, where verbs of other rows begin with them."""
 
-    def load(self) -> TyperCommand | TyperGroup:
-        """The verb itself. Raises ImportError or AttributeError where the table is wrong."""
+    def load(self, words: Sequence[str] = ()) -> TyperCommand | TyperGroup:
+        """The verb itself, for the words behind it. Raises ImportError or AttributeError where the table is wrong."""
         module, name = self.place.split(":")
         verb = made(cast(str, self.name), getattr(import_module(module, ROOM), name))
-        return VerbWithVerbs(self.above, verb) if self.above else verb
+        if not self.above:
+            return verb
+        options = [one for one in verb.params if one.param_type_name != "argument"]
+        below = VerbWithVerbs(self.above, verb)
+        if words and below.called(None, words[0]) is not None:
+            below.params = options
+        elif words and words[0] != "--help" and options != verb.params:
+            return verb  # the word is its own argument: `roco fault kill AGENT` beside `roco fault list`
+        return below
 
 
 class Verb(TyperCommand):
@@ -133,7 +141,8 @@ class VerbWithVerbs(Verbs):
     def __init__(self, words: str, verb: TyperCommand) -> None:
         self._examples = verb.epilog or ""
         shown = {"help": verb.help, "params": verb.params, "callback": verb.callback}
-        super().__init__(words=words, name=verb.name, invoke_without_command=True, **shown)
+        alone = not any(one.required for one in verb.params)
+        super().__init__(words=words, name=verb.name, invoke_without_command=alone, no_args_is_help=not alone, **shown)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the verb below; this one is not called then, and has no options before its name."""

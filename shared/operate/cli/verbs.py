@@ -19,31 +19,20 @@ VERBS: Table = {
         "status": (".fleet.status:status", "Show the fleet's processes and the tasks."),
         "agents": (".fleet.agents:agents", "Show every process: state, heartbeat's age, processor, memory."),
         "agent": (GROUP, "One process of the fleet."),
-        "agent info": (".fleet.agent:info", "Show all that is known of a process."),
         "agent restart": (".fleet.agent:restart", "Restart a process, and wait until it is ready."),
         "agent stop": (".fleet.agent:stop", "Stop a process in order; it stays down until `roco agent start`."),
         "agent start": (
             ".fleet.agent:start",
-            "Start a process that was stopped or given up, and wait until it is ready.",
+            "Start a process that was stopped or given up, and wait until it is ready; let a paused agent go on.",
         ),
         "agent repair": (".fleet.agent:repair", "Repair the damaged journal of an agent that does not run."),
-        "directory": (
-            ".fleet.directory:directory",
-            "Show who offers which protocol, ontology, language and query kinds, and who is up.",
+        "agent pause": (".fleet.agent:pause", "Let an agent take no step until `roco agent start`."),
+        "param": (
+            ".fleet.param:param",
+            "Show the parameters of all agents, of one, or a single one; with VALUE set it while the agent runs.",
         ),
-        "agent pause": (".fleet.param:pause", "Let an agent take no step until it is resumed."),
-        "agent resume": (".fleet.param:resume", "Let a paused agent go on with what waits."),
-        "agent log-level": (".fleet.param:log_level", "Set what an agent's output shows while it runs."),
-        "param": (GROUP, "Parameters of the agents, set while they run."),
-        "param list": (".fleet.param:list_", "List the parameters of all agents or of one."),
-        "param get": (".fleet.param:get", "Show the value of a parameter now."),
-        "param set": (".fleet.param:set_", "Set a parameter of an agent while it runs."),
         "logs": (".fleet.logs:logs", "Show the logs of all agents as one stream, in the order of time."),
         "view": (".fleet.view:view", "Look at a running fleet or at a recorded run in Rerun."),
-        "graph": (
-            ".terminal.graph:graph",
-            "Draw agents and channels with their states and what goes over each channel now.",
-        ),
         "top": (
             ".terminal.top:top",
             "Show agents and channels, and the task and the plan's present state, on a live screen.",
@@ -56,10 +45,10 @@ VERBS: Table = {
     "What is said": {
         "traffic": (GROUP, "The traffic of a run."),
         "traffic echo": (".traffic.echo:echo", "Print a line for each communicate."),
-        "traffic hz": (".traffic.rates:hz", "Show how often each act is said on each channel."),
-        "traffic bw": (".traffic.rates:bw", "Show how many bytes per second each channel carries."),
-        "traffic size": (".traffic.rates:size", "Show how large communicates are."),
-        "traffic stats": (".traffic.rates:stats", "Show counts, sizes, rates, and how long answers took."),
+        "traffic stats": (
+            ".traffic.rates:stats",
+            "Show counts, sizes, rates, and how long answers took; or more of one of them.",
+        ),
         "sniff": (
             ".traffic.sniff:sniff",
             "Draw a sequence diagram of what is said as it goes by, with a lifeline for every agent.",
@@ -82,9 +71,10 @@ VERBS: Table = {
         ),
         "traffic judge": (".traffic.judge:judge", "Judge every communicate of a recording by the design."),
         "traffic dead": (".traffic.dead:dead", "List the communicates that nobody took, and why."),
-        "conversation": (GROUP, "The conversations of a run."),
-        "conversation list": (".traffic.conversation:list_", "List conversations, oldest first."),
-        "conversation show": (".traffic.conversation:show", "Show a conversation as a sequence diagram."),
+        "conversation": (
+            ".traffic.conversation:conversation",
+            "List the conversations of a run, oldest first; show one as a sequence diagram.",
+        ),
         "trace": (
             ".traffic.trace:trace",
             "Show which communicate of a task caused which, across all agents, as a tree with times.",
@@ -98,32 +88,10 @@ VERBS: Table = {
         "acl show": (".traffic.acl:show", "Show what a message says."),
     },
     "Faults, on purpose": {
-        "fault": (GROUP, "Faults done to a running fleet; all are recorded, and healed at their end."),
-        "fault kill": (".faults.verbs:kill", "Kill a process (SIGKILL), and wait until it is back."),
-        "fault hang": (".faults.verbs:hang", "Let a process hang (SIGSTOP) until somebody ends it."),
-        "fault pause": (".faults.verbs:pause", "Give a process no processor for a time."),
-        "fault restart": (
-            ".faults.verbs:restart",
-            "End a process in order (SIGTERM) in the middle of its work, and wait until it is back.",
+        "fault": (
+            ".faults.verbs:fault",
+            "Do a fault to a process of a running fleet; it is recorded, and healed at its end.",
         ),
-        "fault cut": (".faults.verbs:cut", "Cut the wires of an agent, as if its plug were pulled."),
-        "fault delay": (".faults.verbs:delay", "Delay what passes the wires of an agent."),
-        "fault loss": (".faults.verbs:loss", "Lose a share of what passes the wires of an agent."),
-        "fault rate": (".faults.verbs:rate", "Bound the rate of the wires of an agent."),
-        "fault corrupt": (
-            ".faults.verbs:corrupt",
-            "Turn over a bit in a share of what passes the wires of an agent.",
-        ),
-        "fault disk-full": (
-            ".faults.verbs:disk_full",
-            "Let what a process writes to files fail, as if its disk were full (EFBIG), until it ends or the time is"
-            " over.",
-        ),
-        "fault flood": (
-            ".faults.verbs:flood",
-            "Flood an agent with orders of the operator, or with copies of what another agent says to it (--as).",
-        ),
-        "fault clock": (".faults.verbs:clock", "Step the wall clock of an agent; its monotonic clock goes on."),
         "fault run": (".faults.run:run", "Do the faults of a scenario, and wait until all are over."),
         "fault list": (".faults.verbs:list_", "List the faults of a run."),
         "fault heal": (".faults.verbs:heal", "Heal all faults that go on."),
@@ -138,7 +106,6 @@ VERBS: Table = {
             ".runs.catalogue:runs",
             "List the runs that were kept: begin, duration, size on disk, system, result.",
         ),
-        "runs remove": (".runs.catalogue:remove", "Remove runs by name or by rule, never one that is up."),
         "report": (".runs.report:report", "Make the report of a run again from its recording, and show it."),
         "export": (
             ".runs.export:export",
@@ -180,9 +147,10 @@ VERBS: Table = {
             ".design.verify:verify",
             "Prove a design: no deadlock, nothing unforeseen.",
         ),
-        "protocol": (GROUP, "Interaction protocols: FIPA's, the paper's, the design's own."),
-        "protocol list": (".design.protocol:list_", "List the protocols that a design can follow."),
-        "protocol show": (".design.protocol:show", "Show the tables of a protocol: who may say what in which state."),
+        "protocol": (
+            ".design.protocol:protocol",
+            "List the protocols that a design can follow; show the tables of one: who may say what in which state.",
+        ),
         "keys": (GROUP, "Certificates of a fleet, and the router's rules."),
         "keys make": (
             ".fleet.keys:make",

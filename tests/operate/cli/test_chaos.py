@@ -43,12 +43,11 @@ def test_a_seed_is_a_cell_that_can_be_done(seed: int, system: trial.System) -> N
     if row.amount is not None:
         assert cell.amount is not None
         assert row.amount.tried[0] <= cell.amount <= row.amount.tried[1]
-    kind, *words = cell.command
-    command = lazy.made(kind, getattr(verbs, kind.replace("-", "_")))
-    context = command.make_context(kind, list(words))
-    assert context.params["process"] == cell.target
-    assert context.params["at"] == cell.at
-    assert context.params.get("amount") == cell.amount
+    given = lazy.made("fault", verbs.fault).make_context("fault", list(cell.command)).params
+    assert (given["kind"], given["process"], given["at"]) == (cell.kind, cell.target, cell.at)
+    much = verbs.amount_of(cell.kind, row, given["amount"], given["per_second"])
+    assert much == (cell.amount or 0.0)
+    assert given["for_"] is None or row.for_s is not None
 
 
 @given(st.integers(0, 2**31), st.sets(st.sampled_from(VERBS), min_size=1))

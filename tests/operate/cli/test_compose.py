@@ -179,10 +179,7 @@ def test_of_several_robots_one_is_meant(world: Path) -> None:
         whole.hold("ex", False)
     assert [one.conversation for one in second.verdicts()] == ["hi-1-1"]
     assert targets.find("compose/velma1").verdicts() == []
-    assert (
-        json.loads(roco("conversation", "list", "--target", "one/velma2", "--format", "json").stdout)[0]["id"]
-        == "hi-1-1"
-    )
+    assert json.loads(roco("conversation", "--target", "one/velma2", "--format", "json").stdout)[0]["id"] == "hi-1-1"
     assert roco("status", "--target", "one/velma3").exit_code == 3
 
 

@@ -49,7 +49,7 @@ def roco(run_dir: Path, *words: str, columns: int = 80, code: int = 0) -> str:
 
 def listed(run_dir: Path, *words: str) -> list[conversation.Conversation]:
     """The list, for programs."""
-    return msgspec.json.decode(roco(run_dir, "list", "--format", "json", *words), type=list[conversation.Conversation])
+    return msgspec.json.decode(roco(run_dir, "--format", "json", *words), type=list[conversation.Conversation])
 
 
 def test_every_conversation_is_listed_once(run_dir: Path) -> None:
@@ -81,7 +81,7 @@ def test_filters(run_dir: Path, words: tuple[str, ...], count: int) -> None:
 
 def test_a_conversation_is_drawn(run_dir: Path) -> None:
     """Both lifelines, each act with its size, its content, the states after it."""
-    text = roco(run_dir, "show", "ta-1-2")
+    text = roco(run_dir, "ta-1-2")
     assert [word for word in ("request  196 B", "agree  115 B", "inform  1.03 kB") if word not in text] == []
     assert text.count("▶") == 1
     assert text.count("◀") == 2
@@ -109,7 +109,7 @@ def test_what_is_wrong_is_marked_with_its_reason() -> None:
 
 def test_an_unknown_conversation_is_said(run_dir: Path) -> None:
     """Exit code 1, and where the known ones are."""
-    assert "roco conversation list" in roco(run_dir, "show", "nobody-1-1", code=1)
+    assert "roco conversation" in roco(run_dir, "nobody-1-1", code=1)
 
 
 def test_a_run_that_goes_on_is_shown_as_far_as_it_is(tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_a_run_that_goes_on_is_shown_as_far_as_it_is(tmp_path: Path) -> None:
     (tmp_path / VERDICTS_FILE).write_bytes(lines)
     [one] = listed(tmp_path)
     assert (one.ended, one.states) == (False, ("asked", "asked"))
-    assert "goes on" in roco(tmp_path, "show", one.id)
+    assert "goes on" in roco(tmp_path, one.id)
 
 
 def test_a_run_without_verdicts_is_judged_now() -> None:
@@ -128,4 +128,4 @@ def test_a_run_without_verdicts_is_judged_now() -> None:
 
 def test_no_run_is_said(tmp_path: Path) -> None:
     """Exit code 3: there is nothing to ask."""
-    assert "no run at" in roco(tmp_path / "none", "list", code=3)
+    assert "no run at" in roco(tmp_path / "none", code=3)

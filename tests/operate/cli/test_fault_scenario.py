@@ -1,20 +1,23 @@
 """Scenarios of faults: a seed chooses, always the same, within what the file says; what is wrong is named."""
 
+import inspect
+import json
+import shlex
 import tempfile
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 from operate.cli import lazy
+from operate.cli.__main__ import app
 from operate.cli.errors import UsageError
 from operate.cli.faults import run, verbs
 from operate.cli.faults.kinds import AMOUNTS, KINDS, UNTIMED, VERBS
 from operate.cli.faults.run import SIGNED, Entry, Scenario, choose, load, words
-from operate.cli.verbs import VERBS as VERBS_OF_ROCO
 
 numbers = st.floats(0, 100).map(lambda value: round(value, 3))
 spans = numbers | st.tuples(numbers, numbers).map(lambda pair: (min(pair), max(pair)))
@@ -137,22 +140,45 @@ def test_the_example_is_right() -> None:
     assert len(run.load(Path(__file__).parents[3] / "examples/depot/faults.toml").fault) == 3
 
 
-def test_each_kind_is_a_verb_with_the_options_of_its_row() -> None:
-    """Its amount and its speaker where it has them, --for where it is healed after a time."""
-    table = VERBS_OF_ROCO["Faults, on purpose"]
+def test_each_kind_is_told_and_called_by_the_verb() -> None:
+    """With an example that fits its row: an amount where it needs one, --for only where it is healed after a time."""
+    text, examples = inspect.getdoc(verbs.fault) or "", lazy.examples_of(verbs.fault)
     for kind in VERBS:
-        module, name = table[f"fault {kind}"][0].split(":")
-        command = lazy.made(kind, getattr(import_module(module, lazy.ROOM), name))
-        row, found = KINDS[kind], {one.name for one in command.params}
-        assert ("amount" in found, "speaker" in found) == (row.amount is not None, row.speaker)
-        assert ("for_" in found) == (kind not in UNTIMED)
-        assert {"process", "at", "within", "target", "run_dir", "form"} <= found
+        assert f"\n{kind}: " in text
+        called = [shlex.split(one) for one in examples if one.startswith(f"roco fault {kind} ")]
+        assert called
+        for _, _, *call in called:
+            given = lazy.made("fault", verbs.fault).make_context("fault", call).params
+            verbs.amount_of(kind, KINDS[kind], given["amount"], given["per_second"])
+            assert given["for_"] is None or kind not in UNTIMED
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("explode", "ox"), "there is no kind of fault 'explode'; there are kill, "),
+        (("delay", "ox"), "delay needs SECONDS behind the process"),
+        (("loss", "ox", "3"), "loss: SHARE is 3; it must be 0.0001 at least, 1 at most"),
+        (("flood", "ox", "--per-second", "0.5"), "0.5 is not in the range"),
+        (("flood", "ox", "5"), "flood has no amount; leave 5 out"),
+        (("kill", "ox", "5"), "kill has no amount; leave 5 out"),
+        (("kill", "ox", "--per-second", "5"), "kill has no --per-second; a flood has"),
+        (("kill", "ox", "--as", "mule"), "nobody speaks in a fault of kind kill; leave --as out"),
+        (("restart", "ox", "--for", "1"), "restart has no --for"),
+        (("kill",), "Missing argument 'PROCESS'"),
+    ],
+)
+def test_what_does_not_fit_a_kind_is_wrong_use(tmp_path: Path, words: tuple[str, ...], why: str) -> None:
+    """Before a fleet is looked for."""
+    done = CliRunner().invoke(app, ["fault", *words, "--run-dir", str(tmp_path), "--format", "json"])
+    assert (done.exit_code, why in json.loads(done.stderr)["error"]) == (2, True), done.stderr
 
 
 @pytest.mark.parametrize("words", [["ox", "-3600"], ["ox", "-0.5", "--for", "2"], ["--for", "2", "ox", "3600"]])
 def test_a_clock_goes_back_by_a_number_below_zero(words: list[str]) -> None:
     """It is an argument, no option; an unknown option is still told."""
-    command = lazy.made("clock", verbs.clock)
-    assert command.make_context("clock", list(words)).params["amount"] == float(words[1 if words[0] == "ox" else 3])
+    command = lazy.made("fault", verbs.fault)
+    given = command.make_context("fault", ["clock", *words]).params
+    assert given["amount"] == float(words[1 if words[0] == "ox" else 3])
     with pytest.raises(lazy.WrongUse):
-        command.make_context("clock", [*words, "--fro", "2"])
+        command.make_context("fault", ["clock", *words, "--fro", "2"])

@@ -94,6 +94,6 @@ def test_the_graph_has_what_was_said(run: Path) -> None:
     """After a sentence channel C2 has traffic."""
     roco(run, "say", "status")
     roco(run, "say", "look around")
-    (picture,) = [roco(run, "top", "--count", "1")]
+    (picture,) = [roco(run, "top", "--once")]
     assert picture["task"]["said"] == "look around"
-    assert {one["name"]: one["count"] for one in roco(run, "graph")["channels"]}["C2"] > 0
+    assert {one["name"]: one["count"] for one in roco(run, "top", "--graph", "--once")["channels"]}["C2"] > 0

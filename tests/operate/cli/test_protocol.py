@@ -40,7 +40,7 @@ def table(side: dict[str, Any]) -> Table:
 @pytest.mark.parametrize("name", NAMES)
 def test_json_is_the_whole_protocol(name: str) -> None:
     """Made again of what is printed, it is the same."""
-    shown = json.loads(protocol("show", name, "--format", "json").stdout)
+    shown = json.loads(protocol(name, "--format", "json").stdout)
     again = Protocol(
         shown["about"]["name"],
         initiator=table(shown["roles"][Role.INITIATOR]),
@@ -55,7 +55,7 @@ def test_json_is_the_whole_protocol(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_text_has_every_row_and_every_mark(name: str) -> None:
     """Under the table of its role; a state stands in the first of its rows only."""
-    said = protocol("show", name).stdout
+    said = protocol(name).stdout
     _, *halves = (half.splitlines() for half in said.replace("\nparticipant\n", "\ninitiator\n").split("\ninitiator\n"))
     for lines, role in zip(halves, Role, strict=True):
         found, state = set(), ""
@@ -73,7 +73,7 @@ def test_text_has_every_row_and_every_mark(name: str) -> None:
 
 def test_the_list_names_each_once_with_whose_rules_it_has() -> None:
     """A protocol common to FIPA and the paper is listed once; the design's own protocols are listed as the design's."""
-    listed = json.loads(protocol("list", "--format", "json").stdout)
+    listed = json.loads(protocol("--format", "json").stdout)
     assert sorted(one["name"] for one in listed) == NAMES
     origins = {one["name"]: one["origin"] for one in listed}
     assert {name for name, origin in origins.items() if origin == "FIPA"} == {p.name for p in set(FIPA) - set(PAPER)}
@@ -85,22 +85,22 @@ def test_the_list_names_each_once_with_whose_rules_it_has() -> None:
 
 def test_an_alias_means_the_same() -> None:
     """FIPA's token, where both profiles have one protocol."""
-    assert protocol("show", "fipa-contract-net").stdout == protocol("show", "cfp").stdout
+    assert protocol("fipa-contract-net").stdout == protocol("cfp").stdout
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_drawing_is_an_svg_with_every_opening(name: str, tmp_path: Path) -> None:
     """Its name above, the roles, and the acts that open it."""
     file = tmp_path / "made" / "exchange.svg"
-    assert protocol("show", name, "--svg", str(file)).exit_code == 0
+    assert protocol(name, "--svg", str(file)).exit_code == 0
     texts = " ".join(ElementTree.fromstring(file.read_text()).itertext()).split()
     assert {name, "initiator", "participant", *of(name).openings} <= set(texts)
 
 
 def test_an_unknown_name_is_told_the_known_ones(tmp_path: Path) -> None:
     """Exit code 2, as for any name that is not there; the same for a file that cannot be written."""
-    said = protocol("show", "auction")
+    said = protocol("auction")
     assert (said.exit_code, said.stdout) == (2, "")
     assert all(name in said.stderr for name in NAMES)
     (tmp_path / "folder").mkdir()
-    assert protocol("show", "cfp", "--svg", str(tmp_path / "folder")).exit_code == 2
+    assert protocol("cfp", "--svg", str(tmp_path / "folder")).exit_code == 2

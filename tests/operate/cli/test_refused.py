@@ -20,7 +20,7 @@ VERBS = [
     ["design", "check"],
     ["design", "show"],
     ["design", "new", "lamp"],
-    ["protocol", "list"],
+    ["protocol"],
 ]
 FORMS = ["text", "json"]
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from operate.cli.__main__ import app
 from operate.cli.errors import UsageError
-from operate.cli.runs.catalogue import FAILED, Rule, Run, age, is_run, size, span
+from operate.cli.runs.catalogue import Run, age, is_run, size, span, words_of
 from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, Fleet, ProcessState, ProcessStatus
 
 NOW = 1_700_000_000.0
@@ -122,7 +122,7 @@ def test_a_run_lists_its_tasks_and_failed_only_if_one_did(
     said = roco(tmp_path)
     for task in report["tasks"]:  # type: ignore[attr-defined]
         assert f"{task['asked']}: {task['failure'] or 'done'}" in said
-    roco(tmp_path, "remove", "--failed")
+    roco(tmp_path, "--remove", "--failed")
     assert (tmp_path / "run").exists() == (result != "failed")
 
 
@@ -141,8 +141,8 @@ def test_a_folder_that_no_fleet_wrote_is_not_a_run(tmp_path: Path) -> None:
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.tex").touch()
     assert list(listed(tmp_path)) == ["run"]
-    assert "no run 'thesis'" in roco(tmp_path, "remove", "thesis", code=2)
-    roco(tmp_path, "remove", "--keep", "0")
+    assert "no run 'thesis'" in roco(tmp_path, "--remove", "thesis", code=2)
+    roco(tmp_path, "--remove", "--keep", "0")
     assert [path.name for path in tmp_path.iterdir()] == ["thesis"]
 
 
@@ -164,9 +164,9 @@ def test_what_is_up_is_never_removed(up: Path) -> None:
     """By a rule it is passed over, by its name it is refused, and nothing else goes either."""
     kept(up, "other", 40.0)
     assert listed(up)["up"].result == "up"
-    assert "up is up (1 process, and no supervisor); `roco down" in roco(up, "remove", "up", "other", code=2)
+    assert "up is up (1 process, and no supervisor); `roco down" in roco(up, "--remove", "up", "other", code=2)
     assert (up / "other").exists()
-    roco(up, "remove", "--older-than", "1d")
+    roco(up, "--remove", "--older-than", "1d")
     assert [path.name for path in up.iterdir()] == ["up"]
 
 
@@ -197,21 +197,21 @@ def test_a_replay_that_goes_on_is_up(tmp_path: Path) -> None:
 def test_a_rule_removes_what_fits_all_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], gone: set[str]
 ) -> None:
-    """Runs of 0.5, 1.5, 2.5 and 3.5 days; b and d failed. With --dry-run the same is told and nothing goes."""
+    """Runs of 0.5, 1.5, 2.5 and 3.5 days; b and d failed. Without --remove they are listed, and nothing goes."""
     for name, days in {"a": 0.5, "b": 1.5, "c": 2.5, "d": 3.5}.items():
         kept(tmp_path, name, days, success=name in "ac")
     (tmp_path / LATEST).symlink_to("a")
     monkeypatch.setattr(time, "time", lambda: NOW)
     before = listed(tmp_path)
-    told = json.loads(roco(tmp_path, "remove", *words, "--dry-run", "--format", "json"))
+    told = json.loads(roco(tmp_path, *words, "--format", "json"))
     assert {path.name for path in tmp_path.iterdir()} == {*before, LATEST}
-    assert {one["name"] for one in told["removed"]} == gone
-    assert told["bytes"] == sum(before[name].bytes for name in gone) > 0
-    said = roco(tmp_path, "remove", *words)
+    assert {one["name"] for one in told} == gone
+    said = roco(tmp_path, "--remove", *words)
     left = {path.name for path in tmp_path.iterdir()} - {LATEST}
     assert left == before.keys() - gone
     assert (tmp_path / LATEST).is_symlink() == ("a" in left)
-    assert "; freed " in said
+    assert f"; freed {words_of([before[name] for name in gone])}" in said
+    assert "no run fits" in roco(tmp_path, "--older-than", "9d")
 
 
 @pytest.mark.parametrize(
@@ -220,15 +220,8 @@ def test_a_rule_removes_what_fits_all_of_it(
 def test_a_removal_that_is_not_clear_is_refused(tmp_path: Path, words: list[str]) -> None:
     """Exit code 2, and nothing goes; without a rule nothing is meant, rather than all."""
     kept(tmp_path, "run", 100.0, success=False)
-    roco(tmp_path, "remove", *words, code=2)
+    roco(tmp_path, "--remove", *words, code=2)
     assert is_run(tmp_path / "run")
-
-
-def test_an_option_before_the_verb_below_is_refused(tmp_path: Path) -> None:
-    """It would be of `roco runs`, and have no effect on what is removed."""
-    done = CliRunner().invoke(app, ["runs", "--format", "json", "remove", "--failed"])
-    assert done.exit_code == 2
-    assert "roco runs remove --option" in done.output
 
 
 def test_durations() -> None:
@@ -237,10 +230,3 @@ def test_durations() -> None:
     assert [span(seconds) for seconds in (4.4, 185.0, 7810.0)] == ["4 s", "3 min 05 s", "2 h 10 min"]
     with pytest.raises(UsageError, match="7d"):
         age("seven days")
-
-
-def test_no_rule_takes_a_run_that_is_up() -> None:
-    """No rule chooses a run that is up."""
-    up = Run("run", 0.0, 1.0, 1, "depot", "up")
-    assert Rule(names=frozenset(["run"]), keep=0, age_s=0.0).chosen([up], NOW) == []
-    assert Rule(keep=0).chosen([msgspec.structs.replace(up, result=FAILED)], NOW) != []

@@ -26,7 +26,7 @@ from topdown.judge.verdicts import Verdict
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 SAMPLES = list(recorded(POUR))
 SAID = [one for sample in SAMPLES if sample is not None and (one := said(sample)) is not None]
-KINDS = ["hz", "bw", "size", "stats"]
+KINDS = ["hz", "bw", "size", "all"]
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +45,7 @@ def roco(*words: str, code: int = 0, columns: int = 80) -> str:
 
 def told(kind: str, *words: str) -> dict[str, Any]:
     """A table for programs."""
-    return msgspec.json.decode(roco(kind, *words, "--format", "json"))
+    return msgspec.json.decode(roco("stats", kind, *words, "--format", "json"))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -60,7 +60,7 @@ def test_every_communicate_is_counted_in_its_row(kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_tables_fit_the_terminal(kind: str, columns: int) -> None:
     """With nothing cut off."""
-    lines = roco(kind, columns=columns).splitlines()
+    lines = roco("stats", kind, columns=columns).splitlines()
     assert max(map(cell_len, lines)) <= columns
     assert not any("…" in line for line in lines)
 
@@ -78,7 +78,7 @@ def test_rates_are_those_of_the_row() -> None:
 
 def test_answers_are_timed_from_what_they_answer() -> None:
     """Though the question is filtered away; a copy of the question does not restart it."""
-    (row,) = told("stats", "--performative", "inform-ref", "--channel", "C4")["rows"]
+    (row,) = told("all", "--performative", "inform-ref", "--channel", "C4")["rows"]
     asked: dict[str, float] = {}
     spans = []
     for one in SAID:
@@ -110,7 +110,7 @@ def test_a_copy_of_an_answer_answers_nothing_again() -> None:
 
 def test_filters_of_one_kind_add_up_and_of_several_narrow() -> None:
     """Repeated options are or, different ones and."""
-    count = told("stats", "--agent", "hi", "--agent", "ex", "--performative", "request")["count"]
+    count = told("all", "--agent", "hi", "--agent", "ex", "--performative", "request")["count"]
     assert count == sum(
         one.performative == "request" and bool({"hi", "ex"} & {one.sender, one.receiver}) for one in SAID
     )
@@ -119,7 +119,7 @@ def test_filters_of_one_kind_add_up_and_of_several_narrow() -> None:
 @pytest.mark.parametrize("option", ["--channel", "--agent", "--protocol", "--performative"])
 def test_a_name_the_design_has_not_is_named(option: str) -> None:
     """Exit code 2, with those there are."""
-    assert "it has" in roco("hz", option, "nonsense", code=2)
+    assert "it has" in roco("stats", option, "nonsense", code=2)
     with pytest.raises(UnknownNameError, match="C1, C2"):
         checked(Filter(channels=("C9",)), DESIGN)
 
@@ -127,7 +127,7 @@ def test_a_name_the_design_has_not_is_named(option: str) -> None:
 def test_nothing_recorded_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Exit code 2, and what would be right."""
     monkeypatch.setattr(listen, "recorded", recorded)
-    done = CliRunner().invoke(app, ["traffic", "hz", "--run", str(tmp_path)])
+    done = CliRunner().invoke(app, ["traffic", "stats", "--run", str(tmp_path)])
     assert done.exit_code == 2
     assert "give a run folder" in done.stderr
 

@@ -81,3 +81,10 @@ def test_a_process_that_is_none_is_wrong_use(tmp_path: Path, monkeypatch: pytest
     assert done.exit_code == 2
     assert "there are router, monitor" in json.loads(done.stderr)["error"]
     assert not list(tmp_path.iterdir())
+
+
+def test_an_option_before_the_verb_below_is_refused() -> None:
+    """It would be of `roco record`, and have no effect on what is shown."""
+    done = CliRunner().invoke(app, ["record", "--format", "json", "info", "runs/latest"])
+    assert done.exit_code == 2
+    assert "roco record info --option" in done.output

@@ -127,6 +127,6 @@ def test_completion_knows_verbs_names_and_files(monkeypatch: pytest.MonkeyPatch,
         return done.stdout.split()
 
     assert completed("roco ag") == ["agents", "agent"]
-    assert completed("roco agent in") == ["info"]
+    assert completed("roco agent sta") == ["start"]
     assert completed("roco status --run-dir ") == ["runs/2026-01-01"]
-    assert "km" in completed("roco agent info ")
+    assert "km" in completed("roco agents ")

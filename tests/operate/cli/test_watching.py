@@ -1,4 +1,4 @@
-"""`roco agents`, `agent info`, `graph`, `top` and `doctor` on a pretended fleet, and on a terminal."""
+"""`roco agents`, `top` and `doctor` on a pretended fleet, and on a terminal."""
 
 import json
 import os
@@ -41,11 +41,11 @@ def test_agents_tells_of_every_process(run: Path) -> None:
     assert row["cpu"] >= 0
 
 
-def test_agent_info_knows_its_channels_and_names_who_there_is(run: Path) -> None:
+def test_what_is_known_of_one_has_its_channels_and_names_who_there_is(run: Path) -> None:
     """A name that is not there is a wrong use."""
-    told = json.loads(roco("agent", "info", "ta", "--run-dir", run, "--format", "json").stdout)
+    told = json.loads(roco("agents", "ta", "--run-dir", run, "--format", "json").stdout)
     assert told["channels"] == {"co": "C1", "ex": "C5", "km": "C6"}
-    done = roco("agent", "info", "nobody", "--run-dir", run)
+    done = roco("agents", "nobody", "--run-dir", run)
     assert done.exit_code == 2
     assert "there are: ta" in done.stderr
 
@@ -60,10 +60,12 @@ def test_where_no_supervisor_is_nobody_is_stopped(run: Path) -> None:
     assert not list(run.glob("*.off"))
 
 
-def test_graph_and_top_tell_what_went_over_a_channel(run: Path) -> None:
+def test_top_tells_what_went_over_a_channel(run: Path) -> None:
     """The one communicate of the story, long ago."""
-    channels = json.loads(roco("graph", "--run-dir", run, "--format", "json").stdout)["channels"]
+    channels = json.loads(roco("top", "--graph", "--once", "--run-dir", run, "--format", "json").stdout)["channels"]
     assert {one["name"]: one["count"] for one in channels}["C4"] == 1
+    assert "C4 0.0/s 0 B/s, 1 in all" in roco("top", "--graph", "--once", "--run-dir", run).stdout
+    assert roco("top", "--format", "dot", "--once", "--run-dir", run).stdout.startswith("graph fleet {")
     pictures = roco("top", "--run-dir", run, "--count", "2", "--period", "0.2", "--format", "json").stdout.splitlines()
     assert len(pictures) == 2
     assert json.loads(pictures[1])["plan"] == "plan 1: pour, succeeded"

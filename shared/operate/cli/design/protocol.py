@@ -75,46 +75,44 @@ class Shown(msgspec.Struct, frozen=True):
     roles: dict[Role, Side]
 
 
-def list_(form: Form = Format.TEXT) -> None:
-    """List the protocols that a design can follow.
-
-    Of the specifications, of the paper, and those that the design here brings along.
-
-    Examples:
-      roco protocol list
-    """
-    with files.problems(form):
-        found = [about for about, _ in every()]
-        if form is Format.JSON:
-            tell_json(found)
-            return
-        rows = tuple((one.name, _several(one.aliases), _several(one.openings), one.origin) for one in found)
-        print(text.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
-
-
-def show(
-    name: Annotated[str, typer.Argument(help="A protocol.", autocompletion=completion.every_protocol)],
+def protocol(
+    name: Annotated[
+        str, typer.Argument(metavar="[NAME]", help="A protocol.", autocompletion=completion.every_protocol)
+    ] = "",
     svg: Annotated[Path | None, typer.Option("--svg", help="Draw the exchange, and write it here.")] = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Show the tables of a protocol: who may say what in which state.
+    """List the protocols that a design can follow; show the tables of one: who may say what in which state.
 
-    They alone decide what is in sequence: agents, the judge and the proof read them. An act that has no row in a state
-    is an error there. The drawing shows the exchange as if nothing crossed on the way.
+    Listed are those of the specifications, of the paper, and those that the design here brings along.
+
+    The tables alone decide what is in sequence: agents, the judge and the proof read them. An act that has no row in a
+    state is an error there. The drawing shows the exchange as if nothing crossed on the way.
 
     Examples:
-      roco protocol show request
-      roco protocol show fipa-contract-net --svg contract_net.svg
+      roco protocol
+      roco protocol request
+      roco protocol fipa-contract-net --svg contract_net.svg
     """
     with files.problems(form):
-        about, protocol = _meant(name)
-        made = write(draw(protocol).svg(), svg)
+        if not name:
+            if svg is not None:
+                raise UsageError("--svg draws one protocol; name it: `roco protocol NAME --svg FILE`")
+            found = [about for about, _ in every()]
+            if form is Format.JSON:
+                tell_json(found)
+                return
+            rows = tuple((one.name, _several(one.aliases), _several(one.openings), one.origin) for one in found)
+            print(text.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
+            return
+        about, one = _meant(name)
+        made = write(draw(one).svg(), svg)
         if form is Format.JSON:
-            tell_json(_plain(about, protocol))
+            tell_json(_plain(about, one))
         elif made:
             print(f"wrote {svg}")
         else:
-            print(_written(about, protocol, _width()))
+            print(_written(about, one, _width()))
 
 
 def every() -> list[tuple[Listed, Protocol]]:
@@ -141,7 +139,7 @@ def _meant(name: str) -> tuple[Listed, Protocol]:
         if name in (about.name, *about.aliases):
             return about, protocol
     names = ", ".join(about.name for about, _ in found)
-    raise UsageError(f"no protocol {name!r}; there are {names}: `roco protocol list`")
+    raise UsageError(f"no protocol {name!r}; there are {names}: `roco protocol`")
 
 
 def _listed(one: Protocol, origin: str, words: str = "") -> Listed:

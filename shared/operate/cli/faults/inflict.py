@@ -14,9 +14,9 @@ from operate.cli.errors import FleetError, UsageError
 from operate.cli.faults import kinds
 from operate.cli.faults.kinds import KINDS, Kind
 from operate.cli.fleet import process_status
-from operate.cli.fleet.agent import LOG_LINES, READY_S, named
+from operate.cli.fleet.agent import READY_S
 from operate.cli.fleet.process_status import Seen
-from operate.cli.fleet.targets import Target
+from operate.cli.fleet.targets import LOG_LINES, Target, named
 from operate.fault_lines import encoded, latest, read
 from operate.run_folder import Fault
 

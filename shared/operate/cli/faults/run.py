@@ -20,8 +20,7 @@ from operate.cli.faults import inflict, moments
 from operate.cli.faults.kinds import AMOUNTS, KINDS, UNTIMED, VERBS
 from operate.cli.faults.verbs import heal_left
 from operate.cli.fleet import targets
-from operate.cli.fleet.agent import named
-from operate.cli.fleet.targets import Target
+from operate.cli.fleet.targets import Target, named
 from operate.cli.output import Form, Format, RunDir, problems
 
 # --- A scenario: faults in a TOML file, of which a seed chooses what the file leaves open. Pure but for `load` -------

@@ -1,21 +1,16 @@
-"""`roco fault KIND PROCESS`, `list`, `heal`: faults done on purpose, recorded, healed at the end.
+"""`roco fault KIND PROCESS`, `list`, `heal`: faults done on purpose, recorded, healed at the end."""
 
-A verb for each kind, with the options that its row in operate.cli.faults.kinds has.
-"""
-
-from collections.abc import Callable
 from datetime import datetime
 from functools import partial
-from inspect import Parameter, Signature
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 import typer
 
 from operate.cli import completion, interrupts
+from operate.cli.errors import UsageError
 from operate.cli.faults import inflict, moments
-from operate.cli.faults.kinds import KINDS, Amount
+from operate.cli.faults.kinds import KINDS, VERBS, Kind
 from operate.cli.fleet import living_names, targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
 from operate.cli.terminal.console import Console
@@ -30,20 +25,14 @@ At = Annotated[
         "--at",
         metavar="MOMENT",
         help="When it begins: seconds from now, a state (STATE or AGENT:STATE), the Nth message of the process "
-        "(3rd-message), or words that the run tells (told:WORDS); else at once.",
+        "(3rd-message), an event of the run (event:NAME) or a step of the plan (plan:STEP); else at once.",
         autocompletion=completion.moments,
     ),
 ]
 Within = Annotated[float, typer.Option("--within", min=0.1, help="The moment is waited for so long [s].")]
-For = Annotated[float, typer.Option("--for", min=0.0, help="How long it lasts [s]; then it is healed.")]
-Speaker = Annotated[
-    str,
-    typer.Option("--as", metavar="NAME", help="Who floods: the operator, or a peer.", autocompletion=completion.agents),
-]
 HEADS = ("begun", "fault", "lasted", "what came of it")
 WITHIN_S = 300.0
 """Estimate: longer than a pour on a loaded machine."""
-EMPTY = Parameter.empty
 
 
 class Faults(msgspec.Struct, frozen=True):
@@ -54,185 +43,127 @@ class Faults(msgspec.Struct, frozen=True):
     healed: tuple[Fault, ...]
 
 
-def verb(kind: str, text: str) -> Callable[..., None]:
-    """Return the verb of a kind of faults, with the options that its row has; `text`: its docstring."""
-    row = KINDS[kind]
-    whole = {
-        "process": (Process, EMPTY),
-        "amount": (
-            _amount(row.amount),
-            EMPTY if row.amount is None or row.amount.default is None else row.amount.default,
+def kinds(incomplete: str) -> list[str]:
+    """The kinds of faults for the shell to complete, and the verbs that begin with `fault`."""
+    from operate.cli.lazy import added
+    from operate.cli.verbs import VERBS as TABLE
+    from operate.cli.verbs import merged
+
+    rows = [words for panel in merged(TABLE, added()).values() for words in panel]
+    below = [words.removeprefix("fault ") for words in rows if words.startswith("fault ")]
+    return completion.among((*VERBS, *below), incomplete)
+
+
+def fault(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="What is done to it.", autocompletion=kinds)],
+    process: Process,
+    amount: Annotated[
+        float | None,
+        typer.Argument(metavar="[AMOUNT]", help="delay, clock: seconds; loss, corrupt: a share; rate: bytes."),
+    ] = None,
+    per_second: Annotated[float | None, typer.Option(min=1.0, help="flood: so many a second; else 500.")] = None,
+    speaker: Annotated[
+        str,
+        typer.Option(
+            "--as", metavar="NAME", help="flood: who floods, the operator or a peer.", autocompletion=completion.agents
         ),
-        "speaker": (Speaker, ""),
-        "at": (At, ""),
-        "for_": (For, row.for_s),
-        "within": (Within, WITHIN_S),
-        "target": (targets.Name, ""),
-        "run_dir": (RunDir, None),
-        "form": (Form, Format.TEXT),
-    }
-    without = {"amount": row.amount is None, "speaker": not row.speaker, "for_": row.for_s is None}
-    given = {name: one for name, one in whole.items() if not without.get(name)}
+    ] = "",
+    at: At = "",
+    for_: Annotated[
+        float | None,
+        typer.Option("--for", min=0.0, help="How long it lasts [s], then it is healed; else as its kind has it."),
+    ] = None,
+    within: Within = WITHIN_S,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Do a fault to a process of a running fleet; it is recorded, and healed at its end.
 
-    def do(**told: Any) -> None:
-        for_s = told.get("for_") or 0.0
-        asked = Asked(row.timed if row.timed and for_s else kind, told["process"], told["at"], for_s, told["within"])
-        more = {name: told[name] for name in ("amount", "speaker") if name in told}
-        inflicted(msgspec.structs.replace(asked, **more), told["target"], told["run_dir"], told["form"])
+    kill: kill a process (SIGKILL), and wait until it is back; with --for it is kept down so long.
 
-    do.__doc__, do.__name__ = text, kind
-    do.__annotations__ = {}
-    parameters = [
-        Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-        for name, (annotation, default) in given.items()
-    ]
-    do.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
-    return do
+    hang: let it hang (SIGSTOP) until somebody ends it: who supervises it, `roco fault heal`, or the time --for.
 
+    pause: give it no processor for a time (SIGSTOP, then SIGCONT).
 
-def _amount(row: Amount | None) -> Any:
-    """Return the type of a kind's amount as typer reads it."""
-    if row is None:
-        return None
-    shown: dict[str, Any] = {"metavar": row.metavar, "help": row.text, "min": row.least, "max": row.most}
-    return Annotated[float, typer.Option(row.option, **shown) if row.option else typer.Argument(**shown)]
+    restart: end it in order (SIGTERM) in the middle of its work, and wait until it is back.
 
+    cut: cut the wires of an agent, as if its plug were pulled; a router: all to it; AGENT-PEER: the link of the two.
 
-kill = verb(
-    "kill",
-    """Kill a process (SIGKILL), and wait until it is back; with --for it is kept down so long.
+    delay: delay what passes the wires of an agent, each way, by AMOUNT seconds.
+
+    loss: lose a share of what passes the wires of an agent; TCP sends it again, later.
+
+    rate: bound the rate of the wires of an agent, in bytes per second each way.
+
+    corrupt: turn over a bit in a share of what passes the wires of an agent.
+
+    disk-full: let what it writes to files fail, as if its disk were full (EFBIG), until it ends or the time is over.
+
+    flood: flood an agent with orders of the operator, or with copies of what another agent says to it (--as).
+
+    clock: step the wall clock of an agent, forward or below 0 back; its monotonic clock goes on as it was.
 
     Examples:
       roco fault kill AGENT
       roco fault kill AGENT --at 10th-message
       roco fault kill router --for 5
-    """,
-)
-hang = verb(
-    "hang",
-    """Let a process hang (SIGSTOP) until somebody ends it: who supervises it, `roco fault heal`, or the time --for.
-
-    Examples:
-      roco fault hang AGENT
       roco fault hang monitor --for 10
-    """,
-)
-pause = verb(
-    "pause",
-    """Give a process no processor for a time (SIGSTOP, then SIGCONT).
-
-    Examples:
       roco fault pause AGENT --for 1.5
       roco fault pause router --for 3 --at 20
-    """,
-)
-restart = verb(
-    "restart",
-    """End a process in order (SIGTERM) in the middle of its work, and wait until it is back.
-
-    Examples:
-      roco fault restart AGENT
       roco fault restart AGENT --at 3rd-message
-    """,
-)
-cut = verb(
-    "cut",
-    """Cut the wires of an agent, as if its plug were pulled; a router: all to it; AGENT-PEER: the link of the two.
-
-    Examples:
-      roco fault cut AGENT
       roco fault cut AGENT-PEER
       roco fault cut AGENT --for 1 --at 5th-message
-    """,
-)
-delay = verb(
-    "delay",
-    """Delay what passes the wires of an agent, each way.
-
-    Examples:
       roco fault delay AGENT 0.2
-    """,
-)
-loss = verb(
-    "loss",
-    """Lose a share of what passes the wires of an agent; TCP sends it again, later.
-
-    Examples:
       roco fault loss AGENT 0.05 --for 10
-    """,
-)
-rate = verb(
-    "rate",
-    """Bound the rate of the wires of an agent.
-
-    Examples:
       roco fault rate AGENT 20000
-    """,
-)
-corrupt = verb(
-    "corrupt",
-    """Turn over a bit in a share of what passes the wires of an agent.
-
-    Examples:
       roco fault corrupt AGENT 0.01
-    """,
-)
-disk_full = verb(
-    "disk-full",
-    """Let what a process writes to files fail, as if its disk were full (EFBIG), until it ends or the time is over.
-
-    Examples:
-      roco fault disk-full AGENT
       roco fault disk-full monitor --for 10
-    """,
-)
-flood = verb(
-    "flood",
-    """Flood an agent with orders of the operator, or with copies of what another agent says to it (--as).
-
-    Examples:
-      roco fault flood AGENT
       roco fault flood AGENT --as PEER --per-second 2000 --for 10
-    """,
-)
-clock = verb(
-    "clock",
-    """Step the wall clock of an agent; its monotonic clock goes on as it was.
-
-    Examples:
       roco fault clock AGENT -3600
-      roco fault clock AGENT 60 --for 30
-    """,
-)
-
-
-class Asked(msgspec.Struct, frozen=True):
-    """A fault as it is asked for: `at` as --at has it, `for_s` and `within_s` [s]."""
-
-    kind: str
-    process: str
-    at: str
-    for_s: float
-    within_s: float
-    amount: float = 0.0
-    speaker: str = ""
-
-
-def inflicted(asked: Asked, target: str, run_dir: Path | None, form: Format) -> None:
-    """Do a fault from its order to its end, and tell what came of it."""
+    """
     with problems(form), interrupts.heard():
+        if kind not in VERBS:
+            raise UsageError(f"there is no kind of fault {kind!r}; there are {', '.join(VERBS)}")
+        row = KINDS[kind]
+        much = amount_of(kind, row, amount, per_second)
+        if speaker and not row.speaker:
+            raise UsageError(f"nobody speaks in a fault of kind {kind}; leave --as out")
+        if for_ is not None and row.for_s is None:
+            raise UsageError(f"{kind} has no --for: it is over when the process is back")
+        for_s = for_ if for_ is not None else row.for_s or 0.0
         fleet = targets.find(target, run_dir)
         inflict.refuse(fleet)
-        moment = moments.parse(asked.at, fleet.system.design, asked.process)
+        moment = moments.parse(at, fleet.system.design, process)
         heal_left(fleet, form)
-        at = moments.words(moment)
-        fault = inflict.planned(fleet, asked.kind, asked.process, at, asked.amount, asked.speaker)
-        wait = partial(moments.wait, moment, asked.within_s, target, run_dir)
-        ended = inflict.Inflicting(fleet, fault).run(wait, asked.for_s, partial(_tell_begun, form))
+        done = row.timed if row.timed and for_s else kind
+        planned = inflict.planned(fleet, done, process, moments.words(moment), much, speaker)
+        wait = partial(moments.wait, moment, within, target, run_dir)
+        ended = inflict.Inflicting(fleet, planned).run(wait, for_s, partial(_tell_begun, form))
         if form is Format.JSON:
             tell_json(ended)
         else:
             print(f"{ended.words}: {ended.text}, {lasted(ended):.1f} s")
+
+
+def amount_of(kind: str, row: Kind, amount: float | None, per_second: float | None) -> float:
+    """The amount of a fault, 0 for a kind without. Raise UsageError where it is missing, wrong, or of another kind."""
+    optional = row.amount is not None and row.amount.option != ""
+    if per_second is not None and not optional:
+        raise UsageError(f"{kind} has no --per-second; a flood has")
+    if amount is not None and (row.amount is None or optional):
+        raise UsageError(f"{kind} has no amount; leave {amount:g} out")
+    if row.amount is None:
+        return 0.0
+    given = per_second if optional else amount
+    given = given if given is not None else row.amount.default
+    if given is None:
+        raise UsageError(f"{kind} needs {row.amount.metavar} behind the process: {row.amount.text}")
+    least, most = row.amount.least, row.amount.most
+    if (least is not None and given < least) or (most is not None and given > most):
+        upper = f", {most:g} at most" if most is not None else ""
+        raise UsageError(f"{kind}: {row.amount.metavar} is {given:g}; it must be {least:g} at least{upper}")
+    return given
 
 
 def heal_left(fleet: targets.Target, form: Format) -> None:

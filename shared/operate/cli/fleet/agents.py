@@ -1,14 +1,16 @@
-"""`roco agents`: every process of the fleet in a line."""
+"""`roco agents`: every process of the fleet in a line, all that is known of one, or what the agents offer."""
 
 import time
+from typing import Annotated
 
 import msgspec
 import typer
 
+from operate.cli import completion
 from operate.cli.errors import NO, NoRunError
-from operate.cli.fleet import targets
-from operate.cli.fleet.process_status import Row, rows
-from operate.cli.fleet.targets import Target
+from operate.cli.fleet import living_names, targets
+from operate.cli.fleet.process_status import Info, Row, rows
+from operate.cli.fleet.targets import LOG_LINES, Target, named
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 
 BETWEEN_S = 0.5
@@ -22,30 +24,87 @@ class Agents(msgspec.Struct, frozen=True):
     agents: tuple[Row, ...]
 
 
-def agents(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+def agents(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[NAME]...", help="All that is known of these.", autocompletion=living_names.processes),
+    ] = None,
+    offers: Annotated[bool, typer.Option("--offers", help="What they offer and ask, as the design says.")] = False,
+    protocol: Annotated[
+        str, typer.Option(help="Who offers this protocol, or use of one.", autocompletion=completion.protocols_and_uses)
+    ] = "",
+    ontology: Annotated[str, typer.Option(help="Offers of this ontology.", autocompletion=completion.ontologies)] = "",
+    language: Annotated[str, typer.Option(help="Offers in this language.", autocompletion=completion.languages)] = "",
+    up: Annotated[bool, typer.Option("--up", help="Offers of agents that are up.")] = False,
+    long: Annotated[bool, typer.Option("--long", help="Offers with arguments and answers of each act.")] = False,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
     """Show every process: state, heartbeat's age, processor, memory, pid, life, restarts, communicates that wait.
 
     Exits with 1 where something is wrong with one, with 3 where nothing runs. `life` is the agent's incarnation,
     `again` how often it was restarted, `waits` how many communicates are not receipted or not said yet.
 
+    With NAME: all that is known of a process: its row, its peers, what waits, what it counts, its last lines; of an
+    agent also its parameters, its inbox, its open conversations and its last steps.
+
+    With --offers: who offers which protocol, ontology, language and query kinds, and who is up. What is offered stands
+    in the design, as the participant of a protocol; without a fleet that is all there is to tell. Exits with 1 where
+    nobody fits.
+
     Examples:
       roco agents
-      roco agents --format json
       roco agents --target compose
+      roco agents AGENT
+      roco agents router --format json
+      roco agents --offers
+      roco agents AGENT --offers --long
+      roco agents --protocol request --up --format json
     """
     with problems(form):
+        if offers or protocol or ontology or language or up or long:
+            from operate.cli.fleet.offers import Search, offered  # most calls ask for processes
+
+            offered(Search(tuple(names or ()), protocol, ontology, language), target, run_dir, form, up=up, long=long)
+            return
         fleet = targets.find(target, run_dir)
+        if names:
+            for told in info(fleet, names):
+                if form is Format.JSON:
+                    tell_json(told)
+                else:
+                    from operate.cli.fleet.agents_table import show_info  # a program that reads JSON needs no rich
+
+                    show_info(told)
+            return
         found = measured(fleet)
         if form is Format.JSON:
             tell_json(Agents(fleet.where, found))
         else:
-            from operate.cli.fleet.agents_table import show  # a program that reads JSON need not wait for rich
+            from operate.cli.fleet.agents_table import show
 
             show(found)
         if not any(row.pid for row in found):
             raise NoRunError(fleet.where, f"nothing of {fleet.where} runs; `roco up` starts a fleet")
         if any(row.trouble for row in found):
             raise typer.Exit(NO)
+
+
+def info(fleet: Target, names: list[str]) -> list[Info]:
+    """All that is known of these processes. UsageError where one is not there."""
+    beats = {name: named(fleet, name).beat for name in names}
+    by_name, design = {row.name: row for row in measured(fleet)}, fleet.system.design
+    return [
+        Info(
+            fleet.where,
+            by_name[name],
+            beat,
+            dict(design.peers(name)) if name in design.agents else {},
+            fleet.log(name, LOG_LINES),
+        )
+        for name, beat in beats.items()
+    ]
 
 
 def measured(fleet: Target, between_s: float = BETWEEN_S) -> tuple[Row, ...]:

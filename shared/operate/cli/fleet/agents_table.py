@@ -1,12 +1,16 @@
-"""The processes of a fleet as a table for people: `roco agents` and `roco top`."""
+"""The processes of a fleet for people: a table (`roco agents`, `roco top`), and all that is known of one."""
+
+import time
 
 from rich.text import Text
 
-from operate.cli.fleet.process_status import LATE_S, Row
+from agent_runtime.core.inside import Did, Inside, Talk, Waits
+from operate.cli.fleet.process_status import LATE_S, Beat, Info, Row
 from operate.cli.fleet.state_words import COLOURS
 from operate.cli.terminal.console import Console
-from operate.cli.terminal.table import table
+from operate.cli.terminal.table import pairs, table
 from operate.run_folder import ProcessState
+from topdown.model.parameters import worded
 
 COLUMNS = ("agent", "state", "beat", "cpu", "memory", "pid", "life", "again", "waits")
 
@@ -34,3 +38,78 @@ def cells(row: Row) -> tuple[Text, ...]:
         Text(str(row.restarts or ""), "yellow"),
         Text(str(row.waiting or ""), "yellow"),
     )
+
+
+def show_info(told: Info) -> None:
+    """Print what is known of a process."""
+    console = Console()
+    row, beat = told.row, told.beat or Beat()
+    console.print(Text.assemble((row.name, "bold"), f"  {row.state}  ", (told.where, "dim")))
+    if row.trouble:
+        console.print(row.trouble, style="red")
+    console.print(pairs((name, value) for name, value in facts(row, beat, told.channels).items() if value))
+    if beat.inside is not None:
+        show_inside(beat.inside, console)
+    if told.log:
+        console.print("last lines it wrote", style="dim")
+    for line in told.log:
+        console.print(f"  {line}", highlight=False, soft_wrap=True)
+
+
+def facts(row: Row, beat: Beat, channels: dict[str, str]) -> dict[str, str]:
+    """Return the known facts by name; "" for unknown ones."""
+    peers = (
+        f"{peer}{' on ' + channels[peer] if peer in channels else ''}{f', life {life}' if life else ' (gone)'}"
+        for peer, life in beat.peers.items()
+    )
+    return {
+        "process": str(row.process) + (f", pid {row.pid}" if row.pid else ""),
+        "restarts": str(row.restarts or ""),
+        "life": "" if row.incarnation is None else f"{row.incarnation}, step {beat.step}",
+        "heartbeat": "" if row.heartbeat_s is None else f"{row.heartbeat_s:.1f} s ago",
+        "processor": "" if row.cpu is None else f"{row.cpu:.0f} % of one",
+        "memory": "" if row.memory is None else f"{row.memory / 2**20:.0f} MiB",
+        "peers": "; ".join(peers),
+        "not receipted": _by_peer(beat.unreceipted),
+        "not said yet": _by_peer(beat.due),
+        "parameters": ", ".join(f"{name} = {worded(value)}" for name, value in beat.parameters.items()),
+        "log level": beat.level,
+        "counts": ", ".join(f"{count} {name}" for name, count in sorted(beat.counts.items())),
+    }
+
+
+def _by_peer(counts: dict[str, int]) -> str:
+    return ", ".join(f"{count} to {peer}" for peer, count in counts.items() if count)
+
+
+def show_inside(inside: Inside, console: Console) -> None:
+    """A table for each of them; none for what is empty."""
+    _table(console, f"inbox, {inside.waiting} waiting", [_waiting(one) for one in inside.inbox])
+    _table(console, f"conversations, {inside.open} open", [_talk(one) for one in inside.talks])
+    _table(console, "last steps", [_step(one) for one in inside.steps])
+
+
+def _table(console: Console, title: str, rows: list[tuple[str, ...]]) -> None:
+    if not rows:
+        return
+    console.print(title, style="dim", highlight=False)
+    heads = ("",) * (1 + len(rows[0]))
+    console.print(table(heads, (("", *row) for row in rows), fold=("",), pad_edge=False), highlight=False)
+
+
+def _waiting(one: Waits) -> tuple[str, ...]:
+    return (one.what, f"of {one.peer}" if one.peer else "", one.protocol)
+
+
+def _talk(one: Talk) -> tuple[str, ...]:
+    by = "" if one.reply_by is None else f"until {_clock(one.reply_by)}"
+    return (one.id, f"{one.protocol} as {one.role}", f"with {one.peer}", one.state, by)
+
+
+def _step(one: Did) -> tuple[str, ...]:
+    states = one.before if one.before == one.after else f"{one.before} > {one.after}"
+    return (_clock(one.at), one.event, f"says {', '.join(one.said)}" if one.said else "", states)
+
+
+def _clock(at: float) -> str:
+    return time.strftime("%H:%M:%S", time.localtime(at)) + f".{int(at % 1 * 1000):03d}"

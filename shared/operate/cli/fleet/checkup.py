@@ -367,7 +367,7 @@ def _process(one: Seen) -> Check | None:
         return Check(name, level, words, remedies[status.state])
     words = trouble(one)
     if words and one.beat is not None and words == one.beat.trouble:
-        return Check(name, Level.WRONG, words, "make room (`df -h`, `roco runs remove`); it goes on by itself")
+        return Check(name, Level.WRONG, words, "make room (`df -h`, `roco runs --remove`); it goes on by itself")
     return Check(name, Level.WRONG, words, f"`roco agent restart {name}`; {log}") if words else None
 
 

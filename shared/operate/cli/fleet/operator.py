@@ -65,7 +65,7 @@ def order(fleet: Target, name: str, what: Order) -> Beat:
     with fleet.operating() as put:
         beat = _answered(fleet, name, command, lambda: put(key(fleet.system.design, system, name), _encoded(command)))
     if beat is None:
-        raise FleetError(f"{name} does not answer {worded(what)} within {ANSWER_S:.0f} s; `roco agent info {name}`")
+        raise FleetError(f"{name} does not answer {worded(what)} within {ANSWER_S:.0f} s; `roco agents {name}`")
     if beat.answer.why:
         raise RefusedError(name, worded(what), beat.answer.why)
     return beat

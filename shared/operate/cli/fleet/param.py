@@ -1,16 +1,15 @@
-"""`roco param list|get|set`: the parameters of the design's agents, and their values now."""
+"""`roco param`: the parameters of the design's agents, and their values now."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated
 
 import msgspec
 import typer
 from rich.text import Text
 
-from agent_runtime.core.control import Order, Pause, Resume, SetLevel, SetParameter, Value
-from agent_runtime.io.cli import Level
+from agent_runtime.core.control import LEVELS, Order, SetLevel, SetParameter, Value
 from operate.cli import completion
+from operate.cli.errors import UsageError
 from operate.cli.fleet import operator, targets
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
@@ -18,71 +17,8 @@ from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from topdown.model.parameters import Parameters, allowed, worded
 
-# --- `roco agent pause|resume|log-level NAME`: orders to one agent while it runs -------------------------------------
-
-
-Agent = Annotated[str, typer.Argument(metavar="AGENT", help="An agent.", autocompletion=completion.agents)]
-
-
-class Ordered(msgspec.Struct, frozen=True):
-    """An agent after an order, as its heartbeat says."""
-
-    agent: str
-    paused: bool
-    level: str
-    text: str
-
-
-def pause(agent: Agent, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
-    """Let an agent take no step until it is resumed. It stays alive, and what is said to it waits.
-
-    A physical act that has begun goes on to its end: pausing is not an emergency stop. A restart does not end a pause.
-
-    Examples:
-      roco agent pause AGENT
-    """
-    text = f"paused; `roco agent resume {agent}` lets it go on"
-    _ordered(agent, Pause(), text, target, run_dir, form)
-
-
-def resume(agent: Agent, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
-    """Let a paused agent go on with what waits.
-
-    Examples:
-      roco agent resume AGENT
-    """
-    _ordered(agent, Resume(), "goes on", target, run_dir, form)
-
-
-def log_level(
-    agent: Agent,
-    level: Annotated[Level, typer.Argument(help="Least level that its output shows; its log file has everything.")],
-    target: targets.Name = "",
-    run_dir: RunDir = None,
-    form: Form = Format.TEXT,
-) -> None:
-    """Set what an agent's output shows while it runs.
-
-    Examples:
-      roco agent log-level AGENT debug
-    """
-    _ordered(agent, SetLevel(level.value), f"shows {level.value} and above", target, run_dir, form)
-
-
-def _ordered(agent: str, order: Order, text: str, target: str, run_dir: Path | None, form: Format) -> None:
-    with problems(form):
-        beat = operator.order(targets.find(target, run_dir), agent, order)
-        if form is Format.JSON:
-            tell_json(Ordered(agent, beat.paused, beat.level, text))
-        else:
-            print(f"{agent}: {text}")
-
-
-# --- `roco param list|get|set` ----------------------------------------------------------------------------------------
-
-
+LEVEL = completion.LEVEL
 HEADS = ("agent", "parameter", "value", "default", "allowed", "says")
-Name = Annotated[str, typer.Argument(metavar="NAME", help="A parameter of it.", autocompletion=completion.parameters)]
 
 
 class Shown(msgspec.Struct, frozen=True):
@@ -97,30 +33,52 @@ class Shown(msgspec.Struct, frozen=True):
 
 
 class Listed(msgspec.Struct, frozen=True):
-    """`roco param list --format json`."""
+    """`roco param --format json` where no parameter is named."""
 
     where: str
     parameters: tuple[Shown, ...]
 
 
-def list_(
+def param(
     agent: Annotated[
         str, typer.Argument(metavar="[AGENT]", help="Only this one's.", autocompletion=completion.agents)
     ] = "",
+    name: Annotated[
+        str, typer.Argument(metavar="[NAME]", help="Only this one.", autocompletion=completion.parameters)
+    ] = "",
+    value: Annotated[
+        str | None,
+        typer.Argument(metavar="[VALUE]", help="Its value from now on.", autocompletion=completion.parameter_values),
+    ] = None,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """List the parameters of all agents or of one: value now, default, what it can be, what it does.
+    """Show the parameters of all agents, of one, or a single one; with VALUE set it while the agent runs.
+
+    A list has value now, default, what it can be, what it does; of a single one the value is printed. The agent's next
+    step reads a new value, and a restart keeps it. Every agent has log-level, too: the least level that its output
+    shows; its log file has everything. Exits with 2 where the value does not fit the design.
 
     Examples:
-      roco param list
-      roco param list AGENT --format json
+      roco param
+      roco param AGENT --format json
+      roco param AGENT log-level
+      roco param AGENT log-level debug
     """
     with problems(form):
         fleet = targets.find(target, run_dir)
+        if name:
+            if value is not None:
+                operator.order(fleet, agent, setting(fleet, agent, name, value))
+            one = log_level(fleet, agent) if name == LEVEL else one_of(fleet, agent, name)
+            if form is Format.JSON:
+                tell_json(one)
+            else:
+                print(worded(one.value))
+            return
         names = (operator.agent_of(fleet, agent),) if agent else tuple(fleet.system.design.agents)
-        told = Listed(fleet.where, tuple(one for name in names for one in shown(fleet, name)))
+        told = Listed(fleet.where, tuple(one for each in names for one in shown(fleet, each)))
         if form is Format.JSON:
             tell_json(told)
         elif told.parameters:
@@ -129,38 +87,20 @@ def list_(
             print(f"{agent or fleet.system.name} has no parameters; docs/parameters.md says how to give it some")
 
 
-def get(agent: Agent, name: Name, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
-    """Show the value of a parameter now.
-
-    Examples:
-      roco param get AGENT NAME
-    """
-    with problems(form):
-        fleet = targets.find(target, run_dir)
-        _tell(one_of(fleet, agent, name), form)
+def setting(fleet: Target, agent: str, name: str, text: str) -> Order:
+    """The order that sets a parameter. Raise UsageError for another log level, else as Parameters.read does."""
+    if name != LEVEL:
+        return SetParameter(name, of(fleet, agent).read(name, text))
+    if text not in LEVELS:
+        raise UsageError(f"{text!r} is no log level; give one of {', '.join(LEVELS)}")
+    return SetLevel(text)
 
 
-def set_(
-    agent: Agent,
-    name: Name,
-    value: Annotated[
-        str, typer.Argument(metavar="VALUE", help="Its value from now on.", autocompletion=completion.parameter_values)
-    ],
-    target: targets.Name = "",
-    run_dir: RunDir = None,
-    form: Form = Format.TEXT,
-) -> None:
-    """Set a parameter of an agent while it runs; its next step reads it, and a restart keeps it.
-
-    Exits with 2 where the value does not fit the design.
-
-    Examples:
-      roco param set AGENT NAME 5
-    """
-    with problems(form):
-        fleet = targets.find(target, run_dir)
-        operator.order(fleet, agent, SetParameter(name, of(fleet, agent).read(name, value)))
-        _tell(one_of(fleet, agent, name), form)
+def log_level(fleet: Target, agent: str) -> Shown:
+    """The least level of what an agent's output shows, as its last heartbeat says."""
+    beat = operator.heartbeat(fleet, operator.agent_of(fleet, agent))
+    level = beat.level if beat is not None else ""
+    return Shown(agent, LEVEL, level, "info", ", ".join(LEVELS), "the least level that its output shows")
 
 
 def of(fleet: Target, agent: str) -> Parameters:
@@ -186,10 +126,3 @@ def shown(fleet: Target, agent: str) -> Iterator[Shown]:
 def _row(one: Shown) -> tuple[str | Text, ...]:
     value = Text(worded(one.value), "" if one.value == one.default else "bold")  # bold: it was set
     return one.agent, one.name, value, worded(one.default), Text(one.allowed), one.says
-
-
-def _tell(one: Shown, form: Format) -> None:
-    if form is Format.JSON:
-        tell_json(one)
-    else:
-        print(worded(one.value))

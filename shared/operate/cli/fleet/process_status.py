@@ -114,6 +114,16 @@ class Row(msgspec.Struct, frozen=True):
     trouble: str = ""
 
 
+class Info(msgspec.Struct, frozen=True):
+    """`roco agents NAME --format json`: the row, what its heartbeat says, its channels by peer, its last lines."""
+
+    where: str
+    row: Row
+    beat: Beat | None
+    channels: dict[str, str]
+    log: tuple[str, ...]
+
+
 def rows(before: Look, now: Look) -> tuple[Row, ...]:
     """Two looks as rows."""
     earlier = {one.name: one for one in before.seen}

@@ -46,5 +46,5 @@ def note(status: ProcessStatus, now: Status) -> str:
     """Return the problem of a process, and the remedy if its state does not name it."""
     if status.state is ProcessState.STOPPED and now.fleet is not None and any(one.pid for one in now.fleet.processes):
         return f"{status.note or 'stopped'}: `roco agent start {status.name}`"
-    paused = f"paused: `roco agent resume {status.name}`" if status.name in now.paused else ""
+    paused = f"paused: `roco agent start {status.name}`" if status.name in now.paused else ""
     return now.troubles.get(status.name, status.note) or paused

@@ -19,12 +19,14 @@ from operate.cli import completion
 from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import running_fleets
 from operate.cli.fleet.local import Local
-from operate.cli.fleet.process_status import Look
+from operate.cli.fleet.process_status import Look, Seen
 from operate.cli.runs import folders
 from operate.run_folder import LATEST, Judged
 from operate.system import System, here
 
 LOCAL, COMPOSE = "local", "compose"
+LOG_LINES = 5
+"""Last lines of a process that are shown with what is wrong with it."""
 Name = Annotated[
     str,
     typer.Option(
@@ -135,6 +137,16 @@ def to_hold(name: str = "", run_dir: Path | None = None) -> list[Target]:
     from operate.cli.fleet.compose import Compose, projects
 
     return [*map(Local, run_folders()), *map(Compose, projects())] or [find()]
+
+
+def named(fleet: Target, name: str) -> Seen:
+    """A process of a fleet. UsageError where it has none of that name."""
+    found = fleet.look().seen
+    for one in found:
+        if one.name == name:
+            return one
+    there_are = ", ".join(one.name for one in found) or "none"
+    raise UsageError(f"no process of {fleet.where} is called {name!r}; there are: {there_are}")
 
 
 def about(name: str = "", run_dir: Path | None = None) -> System:

@@ -1,7 +1,7 @@
 """`roco runs`: the runs that were kept in a folder, with begin, duration, size on disk, system and result.
 
 A run is a folder with one of the files that only a fleet or its recorder writes; other folders are nobody's business
-here, so that `roco runs remove` cannot take them.
+here, so that `roco runs --remove` cannot take them.
 """
 
 import os
@@ -87,25 +87,51 @@ class _Report(msgspec.Struct, frozen=True):
         return bool(self.success or (self.tasks and all(one.success for one in self.tasks)))
 
 
-def runs(within: In = folders.RUNS, form: Form = Format.TEXT) -> None:
+def runs(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Runs.", autocompletion=completion.run_names)
+    ] = None,
+    older_than: Annotated[
+        str, typer.Option(help="Those that began longer ago: 12h, 7d, 2w.", autocompletion=completion.ages)
+    ] = "",
+    keep: Annotated[int | None, typer.Option(min=0, help="All but the newest N.")] = None,
+    failed: Annotated[bool, typer.Option("--failed", help="Those that failed.")] = False,
+    remove: Annotated[bool, typer.Option("--remove", help="Remove them, never one that is up.")] = False,
+    within: In = folders.RUNS,
+    form: Form = Format.TEXT,
+) -> None:
     """List the runs that were kept: begin, duration, size on disk, system, result.
 
     A run `failed` if its report says so, if a process of it was given up, or if its processes died without an end in
     order; `ended` has a system without a verdict of its own. Below the result are the tasks, each judged at its own
     end. Exits with 3 where there is no run.
 
+    Names and rules given together narrow each other: a run is listed if all of them fit. --keep counts all runs, those
+    that are up, too. With --remove what would be listed is removed instead, but never a run that is up. Where
+    runs/latest pointed to a run that went, the link goes with it.
+
     Examples:
       roco runs
       roco runs --in experiments/pour/runs --format json
+      roco runs --older-than 7d --keep 10
+      roco runs --failed --remove
+      roco runs 2026-01-31_12-00-00 --remove
     """
     with problems(form):
         found = catalogue(within)
+        rule = Rule(_named(names or [], found, within, remove), age(older_than) if older_than else None, keep, failed)
+        if remove:
+            _remove(rule, found, within, form)
+            return
+        chosen = rule.chosen(found, time.time()) if rule else found
         if form is Format.JSON:
-            tell_json(found)
-        elif found:
+            tell_json(chosen)
+        elif chosen:
             console = Console()
-            console.print(table(found))
-            console.print(f"{len(found)} run{'s' * (len(found) != 1)}, {words_of(found)}", style="dim")
+            console.print(table(chosen))
+            console.print(f"{len(chosen)} run{'s' * (len(chosen) != 1)}, {words_of(chosen)}", style="dim")
+        elif found:
+            print("no run fits")
         if not found:
             raise NoRunError(str(within), f"no run is in {within}; `roco up` starts one, --in names another folder")
 
@@ -230,14 +256,14 @@ def _named_time(folder: Path) -> float:
         return folder.stat().st_mtime
 
 
-# --- `roco runs remove`: runs taken away by name or by rule, with what that frees. Never one that is up --------------
+# --- Runs chosen by name or by rule, and removed, with what that frees. Never one that is up -------------------------
 
 
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 7 * 86400.0}
 
 
 class Rule(msgspec.Struct, frozen=True):
-    """Rule that chooses runs to remove. All conditions given must hold; `keep`: the newest of those stay. `age_s`:
+    """Rule that chooses runs. All conditions given must hold; `keep`: the newest of those stay. `age_s`:
     since their begin.
     """
 
@@ -247,13 +273,13 @@ class Rule(msgspec.Struct, frozen=True):
     failed: bool = False
 
     def __bool__(self) -> bool:
-        """Whether anything is given: nothing goes without a rule."""
+        """Whether anything is given: nothing is removed without a rule."""
         return self != Rule()
 
     def chosen(self, found: Iterable[Run], now: float) -> list[Run]:
-        """Return those that go, newest first; one that is up never does."""
+        """Those that are meant, newest first."""
         newest = sorted(found, key=lambda one: one.begin, reverse=True)
-        return [one for one in newest[self.keep or 0 :] if not one.up and self._meets(one, now)]
+        return [one for one in newest[self.keep or 0 :] if self._meets(one, now)]
 
     def _meets(self, one: Run, now: float) -> bool:
         return (
@@ -264,48 +290,23 @@ class Rule(msgspec.Struct, frozen=True):
 
 
 class Removed(msgspec.Struct, frozen=True):
-    """`--format json`: the runs that went, or with `dry_run` would go, and the bytes that this frees."""
+    """`--remove --format json`: the runs that went, and the bytes that this freed."""
 
     removed: tuple[Run, ...]
     bytes: int
-    dry_run: bool
 
 
-def remove(
-    names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Runs.", autocompletion=completion.run_names)
-    ] = None,
-    older_than: Annotated[
-        str, typer.Option(help="Those that began longer ago: 12h, 7d, 2w.", autocompletion=completion.ages)
-    ] = "",
-    keep: Annotated[int | None, typer.Option(min=0, help="Let the newest N stay.")] = None,
-    failed: Annotated[bool, typer.Option("--failed", help="Those that failed.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would go, and remove nothing.")] = False,
-    within: In = folders.RUNS,
-    form: Form = Format.TEXT,
-) -> None:
-    """Remove runs by name or by rule, never one that is up.
-
-    Names and rules given together narrow each other: a run goes if all of them fit. --keep counts all runs, those that
-    are up, too. Where runs/latest pointed to a run that went, the link goes with it.
-
-    Examples:
-      roco runs remove --older-than 7d --keep 10 --dry-run
-      roco runs remove --failed
-      roco runs remove 2026-01-31_12-00-00
-    """
-    with problems(form):
-        found = catalogue(within)
-        rule = Rule(_named(names or [], found, within), age(older_than) if older_than else None, keep, failed)
-        if not rule:
-            raise UsageError("name runs, or give a rule: --older-than 7d, --keep N, --failed")
-        chosen = rule.chosen(found, time.time())
-        gone = tuple(one for one in chosen if dry_run or _removed(within / one.name))
-        done = Removed(gone, sum(one.bytes for one in gone), dry_run)
-        if form is Format.JSON:
-            tell_json(done)
-        else:
-            print(sentence(done))
+def _remove(rule: Rule, found: list[Run], within: Path, form: Format) -> None:
+    """Remove what a rule means, and tell it. Raise UsageError where nothing is meant, rather than all."""
+    if not rule:
+        raise UsageError("name runs, or give a rule: --older-than 7d, --keep N, --failed")
+    chosen = [one for one in rule.chosen(found, time.time()) if not one.up]
+    gone = tuple(one for one in chosen if _removed(within / one.name))
+    done = Removed(gone, sum(one.bytes for one in gone))
+    if form is Format.JSON:
+        tell_json(done)
+    else:
+        print(sentence(done))
 
 
 def age(text: str) -> float:
@@ -317,24 +318,23 @@ def age(text: str) -> float:
 
 
 def sentence(done: Removed) -> str:
-    """Return which runs go and what that frees, for people."""
+    """Which runs went and what that freed, for people."""
     if not done.removed:
         return "no run is removed: none fits, or those that do are up"
     count, frees = len(done.removed), words_of(list(done.removed))
     what = f"{count} run{'s' * (count != 1)}"
-    lines = [f"{'would remove' if done.dry_run else 'removed'} {one.name}" for one in done.removed]
-    return "\n".join([*lines, f"{what}; {'would free' if done.dry_run else 'freed'} {frees}"])
+    return "\n".join([*(f"removed {one.name}" for one in done.removed), f"{what}; freed {frees}"])
 
 
-def _named(names: list[str], found: list[Run], within: Path) -> frozenset[str]:
-    """Return names of runs, `latest` and paths resolved. Raise UsageError for one that is not there or is up."""
+def _named(names: list[str], found: list[Run], within: Path, remove: bool) -> frozenset[str]:
+    """Names of runs, `latest` and paths resolved. Raise UsageError for one that is not there, or is up and shall go."""
     known, meant = {one.name: one for one in found}, set()
     for text in names:
         name = (within / LATEST).resolve().name if text == LATEST else Path(text).name
         if name not in known:
             there = f"; there are {', '.join(known)}" if known else ""
             raise UsageError(f"{within} has no run {text!r}{there}")
-        if known[name].up:
+        if remove and known[name].up:
             raise UsageError(f"{name} is up ({known[name].why}); `roco down --run-dir {within / name}` ends it first")
         meant.add(name)
     return frozenset(meant)

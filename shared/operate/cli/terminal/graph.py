@@ -1,22 +1,14 @@
-"""`roco graph`: agents and channels with what goes over them now: drawn in the terminal, as JSON, or for Graphviz."""
+"""`roco top --graph`: agents and channels with what goes over them now: in the terminal, as JSON, or for Graphviz."""
 
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from enum import StrEnum
 from itertools import permutations
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import msgspec
-import typer
 from rich.text import Text
 
-from operate.cli.errors import NoRunError
-from operate.cli.fleet import targets
 from operate.cli.fleet.process_status import Seen, trouble
 from operate.cli.fleet.state_words import COLOURS, said
-from operate.cli.output import Format, RunDir, problems, tell_json
-from operate.cli.terminal.console import Console
-from operate.cli.terminal.run_state import Follow
 from operate.run_folder import LiveLine, ProcessState, Sent
 from operate.system import System
 from topdown.model.design import Design
@@ -109,7 +101,7 @@ def _marks(
     return tuple(marks)
 
 
-# --- `roco graph` -----------------------------------------------------------------------------------------------------
+# --- `roco top --graph` -----------------------------------------------------------------------------------------------
 
 
 WINDOW_S = 10.0
@@ -120,14 +112,6 @@ JUST_NOW_S = 2.0
 
 WORDS = 22
 """Columns of what an agent does."""
-
-
-class Drawing(StrEnum):
-    """The forms of the graph: text for people, json for programs, dot for Graphviz."""
-
-    TEXT = "text"
-    JSON = "json"
-    DOT = "dot"
 
 
 class Node(msgspec.Struct, frozen=True):
@@ -158,33 +142,6 @@ class Graph(msgspec.Struct, frozen=True):
     window_s: float
     agents: tuple[Node, ...]
     channels: tuple[Edge, ...]
-
-
-def graph(
-    target: targets.Name = "",
-    run_dir: RunDir = None,
-    window: Annotated[float, typer.Option(min=0.1, help="Seconds that rates are taken over.")] = WINDOW_S,
-    form: Annotated[Drawing, typer.Option("--format", help="text, json, or dot for Graphviz.")] = Drawing.TEXT,
-) -> None:
-    """Draw agents and channels with their states and what goes over each channel now.
-
-    Examples:
-      roco graph
-      roco graph --window 60 --format json
-      roco graph --format dot
-    """
-    with problems(Format.JSON if form is Drawing.JSON else Format.TEXT):
-        fleet = targets.find(target, run_dir)
-        now = fleet.look()
-        if now.fleet is None:
-            raise NoRunError(fleet.where)
-        found = told(fleet.system.design, fleet.where, now.seen, Follow(fleet.live).new(), time.time(), window)
-        if form is Drawing.JSON:
-            tell_json(found)
-        elif form is Drawing.DOT:
-            print(dot(found))
-        else:
-            Console().print(drawn(found, fleet.system))
 
 
 def told(

@@ -6,6 +6,7 @@ import termios
 import time
 import tty
 from collections.abc import Callable
+from enum import StrEnum
 from typing import Annotated, Any
 
 import msgspec
@@ -22,11 +23,11 @@ from operate.cli.fleet.process_status import Look, Row, rows
 from operate.cli.fleet.state_words import COLOURS, doing
 from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import ENDED, Task
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Format, RunDir, problems, tell_json
 from operate.cli.terminal import run_state
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.draw import events
-from operate.cli.terminal.graph import WINDOW_S, Edge, edges, sized
+from operate.cli.terminal.graph import WINDOW_S, Edge, Graph, dot, drawn, edges, sized, told
 from operate.cli.terminal.run_state import Plan, View
 from operate.cli.terminal.table import table
 from operate.run_folder import LiveLine, Sent
@@ -66,6 +67,16 @@ class Keyboard:
 PERIOD_S = 1.0
 """Between two pictures: people look once a second."""
 QUIT = "q"
+
+
+class Drawing(StrEnum):
+    """The forms of a picture: text for people, json for programs, dot for Graphviz, which draws agents and channels."""
+
+    TEXT = "text"
+    JSON = "json"
+    DOT = "dot"
+
+
 SHOWN = ("beat", "cpu", "memory", "again", "waits")
 
 
@@ -87,24 +98,33 @@ def top(
     run_dir: RunDir = None,
     period: Annotated[float, typer.Option(min=0.2, help="Seconds between two pictures.")] = PERIOD_S,
     count: Annotated[int, typer.Option("-n", "--count", min=0, help="End after so many pictures; 0: at q.")] = 0,
-    form: Form = Format.TEXT,
+    once: Annotated[bool, typer.Option("--once", help="Print one picture, and end.")] = False,
+    graph: Annotated[bool, typer.Option("--graph", help="Draw the channels as arcs between the agents.")] = False,
+    window: Annotated[float, typer.Option(min=0.1, help="Seconds that rates are taken over.")] = WINDOW_S,
+    form: Annotated[Drawing, typer.Option("--format", help="text, json, or dot for Graphviz.")] = Drawing.TEXT,
 ) -> None:
     """Show agents and channels, and the task and the plan's present state, on a live screen; q or Ctrl-C ends it.
 
-    Where no terminal is, pictures follow one another; as JSON it is an object a line.
+    With --graph it draws agents and channels with their states and what goes over each channel now. Where no terminal
+    is, pictures follow one another; as JSON it is an object a line.
 
     Examples:
       roco top
       roco top --period 5
-      roco top --count 1 --format json
+      roco top --once --format json
+      roco top --graph
+      roco top --graph --once --window 60 --format json
+      roco top --once --format dot
     """
-    with problems(form):
-        watched = Watched(targets.find(target, run_dir))
-        console = Console()
+    with problems(Format.JSON if form is Drawing.JSON else Format.TEXT):
+        watched = Watched(targets.find(target, run_dir), window, graph=graph)
+        console, count = Console(), 1 if once else count
         try:
-            if form is Format.JSON:
-                _each(watched, period, count, lambda: tell_json(watched.screen))
-            elif not console.is_terminal:
+            if form is Drawing.JSON:
+                _each(watched, period, count, lambda: tell_json(watched.graph() if graph else watched.screen))
+            elif form is Drawing.DOT:
+                _each(watched, period, count, lambda: print(dot(watched.graph())))
+            elif once or not console.is_terminal:
                 _each(watched, period, count, lambda: console.print(watched.picture(console.width, 40)))
             else:
                 _live(watched, period, count, console)
@@ -115,17 +135,20 @@ def top(
 class Watched:
     """A fleet, looked at again and again. Raises NoRunError where there is none."""
 
-    def __init__(self, fleet: Target) -> None:
+    def __init__(self, fleet: Target, window_s: float = WINDOW_S, *, graph: bool = False) -> None:
         self.fleet, self.system = fleet, fleet.system
         self.view = View()
         self._heard: list[LiveLine] = []
         self._follow = run_state.Follow(fleet.live)
         self._counts: dict[str, int] = {}
+        self._last: dict[str, float] = {}
+        self._window_s, self._graph = window_s, graph
         self._before = fleet.look()
         if self._before.fleet is None:
             raise NoRunError(fleet.where)
         self._began = self._before.fleet.started
-        time.sleep(0.2)  # so that the first picture has shares of a processor
+        if not graph:
+            time.sleep(0.2)  # so that the first picture has shares of a processor
         self.look()
 
     def look(self) -> None:
@@ -137,9 +160,12 @@ class Watched:
             if isinstance(line, Sent):
                 self._heard.append(line)
                 self._counts[line.channel] = self._counts.get(line.channel, 0) + 1
-        self._heard = [line for line in self._heard if line.t > at - WINDOW_S]
-        channels = edges(self.system.design, self._heard, at, WINDOW_S)
-        channels = tuple(msgspec.structs.replace(one, count=self._counts.get(one.name, 0)) for one in channels)
+                self._last[line.channel] = max(line.t, self._last.get(line.channel, line.t))
+        self._heard = [line for line in self._heard if line.t > at - self._window_s]
+        channels = tuple(
+            msgspec.structs.replace(one, count=self._counts.get(one.name, 0), last=self._last.get(one.name))
+            for one in edges(self.system.design, self._heard, at, self._window_s)
+        )
         plan = self.view.plan
         self.screen = Screen(
             self.fleet.where,
@@ -153,8 +179,15 @@ class Watched:
         )
         self._now, self._before = now, now
 
+    def graph(self) -> Graph:
+        """Agents and channels as they were at the last look."""
+        found = told(self.system.design, self.fleet.where, self._now.seen, (), self.screen.at, self._window_s)
+        return msgspec.structs.replace(found, channels=self.screen.channels)
+
     def picture(self, width: int, height: int) -> RenderableType:
-        """The screen, as many events as there is room for."""
+        """The screen, as many events as there is room for; or the graph."""
+        if self._graph:
+            return drawn(self.graph(), self.system)
         screen = self.screen
         used = 7 + len(screen.agents) + len(screen.channels)
         return Group(

@@ -50,7 +50,10 @@ def names(ctx: typer.Context, incomplete: str) -> list[str]:
     return completion.among(dict.fromkeys(one.conversation for one in lines), incomplete)
 
 
-def list_(
+def conversation(
+    id: Annotated[
+        str, typer.Argument(metavar="[ID]", help="A conversation, as the list names it.", autocompletion=names)
+    ] = "",
     channel: Channels = None,
     agent: Agents = None,
     protocol: Protocols = None,
@@ -62,15 +65,18 @@ def list_(
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """List conversations, oldest first.
+    """List the conversations of a run, oldest first; show one as a sequence diagram.
 
     Of a running fleet so far, as its monitor judged them; of a recording as they are judged now. A conversation is
-    meant if something of it is.
+    listed if any of its messages matches. The diagram of one has what was said when, the states after it, and what the
+    judge says.
 
     Examples:
-      roco conversation list --open
-      roco conversation list --channel CHANNEL --performative failure
-      roco conversation list --run recording.mcap --format json
+      roco conversation --open
+      roco conversation --channel CHANNEL --performative failure
+      roco conversation --run recording.mcap --format json
+      roco conversation AGENT-1-1
+      roco conversation AGENT-1-3 --run recording.mcap --format json
     """
     with problems(form):
         design = about(run, run_dir, target).design
@@ -78,43 +84,24 @@ def list_(
         kept = [
             one
             for one in conversations(_lines(run, run_dir, target), design)
-            if any(map(which.keeps, one.said)) and open_ in (None, not one.ended) and (one.violations or not wrong)
+            if any(map(which.keeps, one.said))
+            and open_ in (None, not one.ended)
+            and (one.violations or not wrong)
+            and id in ("", one.id)
         ]
+        if id and not kept:
+            raise ConsoleError(f"no conversation {id!r} in this run; `roco conversation` lists them")
         if form is Format.JSON:
-            tell_json([msgspec.structs.replace(one, said=()) for one in kept])
+            tell_json(kept if id else [msgspec.structs.replace(one, said=()) for one in kept])
             return
         console = Console()
-        console.print(table(kept))
-        console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
-
-
-def show(
-    id: Annotated[
-        str, typer.Argument(help="A conversation, as `roco conversation list` names it.", autocompletion=names)
-    ],
-    run: Recorded = None,
-    target: targets.Name = "",
-    run_dir: RunDir = None,
-    form: Form = Format.TEXT,
-) -> None:
-    """Show a conversation as a sequence diagram: what was said when, the states after it, and what the judge says.
-
-    Examples:
-      roco conversation show AGENT-1-1
-      roco conversation show AGENT-1-3 --run recording.mcap --format json
-    """
-    with problems(form):
-        design = about(run, run_dir, target).design
-        found = [one for one in conversations(_lines(run, run_dir, target), design) if one.id == id]
-        if not found:
-            raise ConsoleError(f"no conversation {id!r} in this run; `roco conversation list` shows them")
-        if form is Format.JSON:
-            tell_json(found)
-            return
-        console = Console()
-        for one in found:
-            console.print(sequence.heading(one.channel, one.protocol, one.id, one.states, one.ended))
-            console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
+        if id:
+            for one in kept:
+                console.print(sequence.heading(one.channel, one.protocol, one.id, one.states, one.ended))
+                console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
+        else:
+            console.print(table(kept))
+            console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
 
 
 def conversations(lines: list[Judged], design: Design) -> list[Conversation]:

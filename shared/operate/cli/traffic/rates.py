@@ -1,10 +1,13 @@
-"""`roco traffic hz|bw|size|stats`: how often, how much, how large, live and of a recording."""
+"""`roco traffic stats`: how often, how much, how large, live and of a recording."""
 
 import time
 from collections.abc import Callable
+from enum import StrEnum
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
+import typer
 from rich.console import Group
 from rich.live import Live
 from rich.text import Text
@@ -41,78 +44,51 @@ class _Asked(msgspec.Struct, frozen=True):
     form: Format
 
 
-def _verb(kind: str, text: str) -> Callable[..., None]:
-    """The four verbs have the same options."""
+class Kind(StrEnum):
+    """What is shown: counts, sizes, rates and answers, or one of them in detail."""
 
-    def verb(
-        channel: Channels = None,
-        agent: Agents = None,
-        protocol: Protocols = None,
-        performative: Performatives = None,
-        run: Recorded = None,
-        count: Count = 0,
-        for_: Seconds = 0.0,
-        target: targets.Name = "",
-        run_dir: RunDir = None,
-        form: Form = Format.TEXT,
-    ) -> None:
-        with problems(form):
-            which = wanted(about(run, run_dir, target).design, channel, agent, protocol, performative)
-            watch(_Asked(kind, which, count, for_, form), run, run_dir, target)
-
-    verb.__doc__, verb.__name__ = text, kind
-    return verb
+    ALL = "all"
+    HZ = "hz"
+    BW = "bw"
+    SIZE = "size"
 
 
-hz = _verb(
-    "hz",
-    """Show how often each act is said on each channel.
-
-    Renewed every second until Ctrl-C; of a recording once. A row's rate is that of its newest 10 000, from the first to
-    the last of them; gaps are from one to the next.
-
-    Examples:
-      roco traffic hz
-      roco traffic hz --channel CHANNEL --for 10
-      roco traffic hz --run runs/latest --format json
-    """,
-)
-bw = _verb(
-    "bw",
-    """Show how many bytes per second each channel carries.
-
-    Renewed every second until Ctrl-C; of a recording once. Means are over the whole time.
-
-    Examples:
-      roco traffic bw
-      roco traffic bw --agent AGENT --for 10
-      roco traffic bw --run runs/latest
-    """,
-)
-size = _verb(
-    "size",
-    """Show how large communicates are.
-
-    Renewed every second until Ctrl-C; of a recording once.
-
-    Examples:
-      roco traffic size
-      roco traffic size --performative inform-ref --count 100
-      roco traffic size --run runs/latest
-    """,
-)
-stats = _verb(
-    "stats",
-    """Show counts, sizes, rates, and how long answers took.
+def stats(
+    kind: Annotated[Kind, typer.Argument(help="hz: how often; bw: bytes per second; size: how large.")] = Kind.ALL,
+    channel: Channels = None,
+    agent: Agents = None,
+    protocol: Protocols = None,
+    performative: Performatives = None,
+    run: Recorded = None,
+    count: Count = 0,
+    for_: Seconds = 0.0,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Show counts, sizes, rates, and how long answers took; or more of one of them.
 
     Renewed every second until Ctrl-C; of a recording once. An answer took from what it replies to (m_w = its m_t) until
     itself, as both were heard; a copy answers nothing again. Rates are over the whole time.
 
+    hz: how often each act is said on each channel. A row's rate is that of its newest 10 000, from the first to the
+    last of them; gaps are from one to the next.
+
+    bw: how many bytes per second each channel carries; means are over the whole time.
+
+    size: how large communicates are.
+
     Examples:
       roco traffic stats --run runs/latest
       roco traffic stats --for 30 --format json
-    """,
-)
+      roco traffic stats hz --channel CHANNEL --for 10
+      roco traffic stats bw --agent AGENT --for 10
+      roco traffic stats size --performative inform-ref --count 100
+    """
+    with problems(form):
+        which = wanted(about(run, run_dir, target).design, channel, agent, protocol, performative)
+        table = "stats" if kind is Kind.ALL else kind.value
+        watch(_Asked(table, which, count, for_, form), run, run_dir, target)
 
 
 def watch(asked: _Asked, run: Path | None, run_dir: Path | None, target: str = "") -> None:

@@ -162,7 +162,7 @@ def _played(
 
 
 class Shown:
-    """The replayed run as the lines of live.jsonl from which `roco top` and `roco graph` are drawn.
+    """The replayed run as the lines of live.jsonl from which `roco top` and `roco top --graph` are drawn.
 
     A process of the recorder writes them, whose business they are.
     """

@@ -98,7 +98,7 @@ def sniff(
     Of a running fleet until Ctrl-C; of a recording with --run. With a filter the lifelines are those of agents that may
     say or hear what is meant. Beside an arrow stand channel, content and, if it is not legal, the verdict; the drawing
     of --svg has the newest 1000 arrows. JSON is that of `roco traffic echo`. Of one conversation, with the states of
-    its roles: `roco conversation show`.
+    its roles: `roco conversation`.
 
     Examples:
       roco sniff

@@ -1,4 +1,4 @@
-"""`roco directory`: what the design offers is found by all that a search names, and whoever is up is told as up."""
+"""`roco agents --offers`: a search finds what the design offers and fits all that it names; who is up is told as up."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from companion.design import DESIGN
 from operate.cli.__main__ import app
-from operate.cli.fleet.directory import DOWN, UNKNOWN, UP, Search, acts, describe, states
+from operate.cli.fleet.offers import DOWN, UNKNOWN, UP, Search, acts, describe, states
 from operate.cli.fleet.process_status import Beat, Look, Seen
 from operate.cli.fleet.targets import Target
 from operate.run_folder import ProcessState, ProcessStatus
@@ -31,7 +31,7 @@ class Fleet:
 
 def roco(*words: str, code: int = 0) -> str:
     """Return the verb's output where no fleet runs; its exit code must be `code`."""
-    done = CliRunner().invoke(app, ["directory", *words], env={"COLUMNS": "300"})
+    done = CliRunner().invoke(app, ["agents", "--offers", *words], env={"COLUMNS": "300"})
     assert done.exit_code == code, done.output
     return done.output
 

@@ -1,11 +1,10 @@
-"""`roco directory`: who offers which protocol, ontology, language and acts, and who is up.
+"""`roco agents --offers`: who offers which protocol, ontology, language and acts, and who is up.
 
 What FIPA's directory facilitator answers to a search (SC00023, 4.1): descriptions of agents with their services. Here
 nobody registers: the design says what each agent offers, the fleet who is up.
 """
 
 from pathlib import Path
-from typing import Annotated
 
 import msgspec
 import typer
@@ -13,11 +12,10 @@ from rich.padding import Padding
 from rich.text import Text
 
 from fipa_codec.performatives import Performative
-from operate.cli import completion
 from operate.cli.errors import NO, ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Format, tell_json
 from operate.cli.terminal.console import Console
 from operate.run_folder import ProcessState
 from topdown.model import elements
@@ -89,43 +87,18 @@ class Search(msgspec.Struct, frozen=True):
         return bool(self.protocol or self.ontology or self.language)
 
 
-def directory(
-    names: Annotated[
-        list[str] | None, typer.Argument(metavar="[AGENT]...", help="Agents.", autocompletion=completion.agents)
-    ] = None,
-    protocol: Annotated[
-        str, typer.Option(help="Who offers this protocol, or use of one.", autocompletion=completion.protocols_and_uses)
-    ] = "",
-    ontology: Annotated[str, typer.Option(help="Of this ontology.", autocompletion=completion.ontologies)] = "",
-    language: Annotated[str, typer.Option(help="In this language.", autocompletion=completion.languages)] = "",
-    up: Annotated[bool, typer.Option("--up", help="Only agents that are up.")] = False,
-    long: Annotated[bool, typer.Option("--long", help="Each act with its arguments and answers.")] = False,
-    target: targets.Name = "",
-    run_dir: RunDir = None,
-    form: Form = Format.TEXT,
-) -> None:
-    """Show who offers which protocol, ontology, language and query kinds, and who is up.
-
-    What is offered stands in the design, as the participant of a protocol; without a fleet that is all there is to
-    tell. Exits with 1 where nobody fits.
-
-    Examples:
-      roco directory
-      roco directory AGENT --long
-      roco directory --protocol request --up --format json
-    """
-    with problems(form):
-        design = targets.about(target, run_dir).design
-        search = Search(tuple(names or ()), protocol, ontology, language)
-        check(search, design)
-        found = describe(design, search, states(running(target, run_dir), design))
-        found = [one for one in found if one.up == UP or not up]
-        if form is Format.JSON:
-            tell_json(found)
-        else:
-            show(found, Console(highlight=False), long=long)
-        if not found:
-            raise typer.Exit(NO)
+def offered(search: Search, target: str, run_dir: Path | None, form: Format, *, up: bool, long: bool) -> None:
+    """Tell who offers what a search looks for; with `up` only those that are up. Raise typer.Exit where nobody does."""
+    design = targets.about(target, run_dir).design
+    check(search, design)
+    found = describe(design, search, states(running(target, run_dir), design))
+    found = [one for one in found if one.up == UP or not up]
+    if form is Format.JSON:
+        tell_json(found)
+    else:
+        show(found, Console(highlight=False), long=long)
+    if not found:
+        raise typer.Exit(NO)
 
 
 def running(target: str, run_dir: Path | None) -> Target | None:
