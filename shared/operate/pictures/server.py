@@ -17,6 +17,7 @@ from pathlib import Path
 
 import rerun_cli  # type: ignore[import-untyped]
 
+from operate import proc
 from operate.pictures.viewer_address import EVERY_INTERFACE, LOOPBACK, Place
 
 PROGRAM = Path(rerun_cli.__file__).with_name("rerun")
@@ -26,7 +27,6 @@ MOST_MB = 600
 """More memory than this ends the server: what it keeps, itself, and what it has on the way to viewers."""
 READY_S = 20.0
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
-_PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 1e6
 _libc = ctypes.CDLL(None)
 
 
@@ -84,10 +84,8 @@ def _command(place: Place) -> tuple[str, ...]:
 
 def rss_mb(pid: int) -> float:
     """Resident memory of a process; 0 where it is gone."""
-    try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE_MB
-    except (OSError, IndexError):
-        return 0.0
+    found = proc.stats_here(pid).get(pid)
+    return found.pages * proc.PAGE / 1e6 if found is not None else 0.0
 
 
 def _home(run: Path) -> Path:

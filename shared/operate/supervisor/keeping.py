@@ -15,6 +15,7 @@ from pathlib import Path
 from agent_runtime.io.fleet_processes import started_in, variables
 from agent_runtime.io.forked import Other
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, make_run
+from operate import proc
 from operate.run_folder import LOCK_FILE
 from operate.supervisor import folder
 from operate.supervisor.processes import ORDERLY_STOP_S, Process
@@ -67,7 +68,8 @@ def left(run: Path, processes: tuple[Process, ...]) -> dict[str, Left]:
     for process in processes:
         try:
             one = Left(int(folder.pid_file(run, process.name).read_text()))
-            if _runs(one.pid, process.module, run):
+            # A number that somebody else uses again is not of a process that runs this module in this folder.
+            if process.module in proc.words(one.pid) and variables(one.pid).get(RUN_FOLDER_VARIABLE) == str(run):
                 found[process.name] = one
         except (OSError, ValueError):
             continue
@@ -86,9 +88,3 @@ def end_others(run: Path) -> None:
     for one in others:
         if not one.ended(max(0.0, until - time.monotonic())):
             one.kill()
-
-
-def _runs(pid: int, module: str, run: Path) -> bool:
-    """Whether this process runs a module in a run folder; a number used again by somebody else does not."""
-    words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
-    return module.encode() in words and variables(pid).get(RUN_FOLDER_VARIABLE) == str(run)

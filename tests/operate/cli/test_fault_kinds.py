@@ -7,7 +7,8 @@ import msgspec
 import pytest
 
 from operate.cli.faults import kinds
-from operate.cli.fleet.process_status import Look, Seen, Used
+from operate.cli.fleet.process_status import Look, Seen
+from operate.proc import Used
 from operate.run_folder import Fault, ProcessState, ProcessStatus
 
 PID, START = 40, 7

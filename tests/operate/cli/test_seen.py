@@ -13,11 +13,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from operate import proc
 from operate.cli.fleet import checkup, process_status
 from operate.cli.fleet.checkup import Level
 from operate.cli.fleet.compose import SHEET, sheet
 from operate.cli.fleet.local import Local
-from operate.cli.fleet.process_status import Beat, Look, Seen, Used
+from operate.cli.fleet.process_status import Beat, Look, Seen
+from operate.proc import Used
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
 
 pytestmark = pytest.mark.process
@@ -84,12 +86,12 @@ def test_a_child_counts_for_its_parent() -> None:
         "10 (cut) S",
         f"11 (e) Z 1 {rest.format(ticks=1, pages=0)}",
     ]
-    found = process_status.stats(lines)
+    found = proc.stats(lines)
     assert sorted(found) == [7, 8, 9, 11]
-    assert process_status.used(7, found) == Used(15 * process_status.TICK_S, 5 * process_status.PAGE, False)
-    assert process_status.used(9, found) == Used(process_status.TICK_S, process_status.PAGE, True)
-    assert process_status.used(10, found) is None
-    assert process_status.used(11, found) is None, "it has ended: no signal reaches it"
+    assert proc.used(7, found) == Used(15 * proc.TICK_S, 5 * proc.PAGE, False)
+    assert proc.used(9, found) == Used(proc.TICK_S, proc.PAGE, True)
+    assert proc.used(10, found) is None
+    assert proc.used(11, found) is None, "it has ended: no signal reaches it"
 
 
 def look(pid: int, cpu_s: float, at: float) -> Look:
@@ -124,7 +126,7 @@ def test_a_sheet_of_a_container_says_what_its_files_say(run: Path, idle: int) ->
     assert read.fleet is not None
     assert read.fleet.processes[0].pid == idle
     assert read.pid("km") == idle
-    assert process_status.used(idle, read.stats) is not None
+    assert proc.used(idle, read.stats) is not None
     assert read.ready("km")
     assert not read.ready("pl")
     assert read.beat("pl") == (None, None)

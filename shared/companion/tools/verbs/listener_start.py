@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
+from operate import proc
 from operate.cli.errors import ConsoleError, NoRunError
 from operate.cli.fleet import targets
 from operate.cli.output import Format
@@ -68,7 +69,7 @@ def begins(wanted: Listener, run: Path) -> bool:
 
     It says so before anything of it is in a run folder. In a container the listener itself is looked for.
     """
-    called = folders.called()
+    called = [words for _, words in proc.every_words()]
     if folders.around() is not None:
         return any(wanted.module in words for words in called)
     mine = {run.resolve(), run.parent.resolve()} if run.name == LATEST else {run.resolve()}

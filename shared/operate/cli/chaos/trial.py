@@ -15,8 +15,10 @@ from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io.fleet_processes import variables
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from agent_runtime.io.secured import ROUTER
+from operate import proc
 from operate.cli.analysis import analysed
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.faults.kinds import KINDS, VERBS, Kind
@@ -240,9 +242,7 @@ def orphans(run: Path) -> Iterator[str]:
 
 
 def _living(run: Path) -> Iterator[str]:
-    for place in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            words, settings = ((place / file).read_bytes() for file in ("cmdline", "environ"))
-            mine = f"{RUN_FOLDER_VARIABLE}={run}".encode() in settings.split(b"\0") or str(run).encode() in words
-            if mine and words and int(place.name) != os.getpid():
-                yield words.replace(b"\0", b" ").decode(errors="replace").strip()
+    for pid, words in proc.every_words():
+        mine = variables(pid).get(RUN_FOLDER_VARIABLE) == str(run) or any(str(run) in word for word in words)
+        if mine and words and pid != os.getpid():
+            yield " ".join(words)

@@ -6,14 +6,13 @@ What goes on while its command is gone (kill -9) stands in faults.jsonl without 
 import os
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import msgspec
 
+from operate import proc
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.faults import kinds
 from operate.cli.faults.kinds import KINDS, Kind
-from operate.cli.fleet import process_status
 from operate.cli.fleet.agent import READY_S
 from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.targets import LOG_LINES, Target, named
@@ -54,7 +53,7 @@ def planned(
         pid=one.status.pid,
         start=one.used.start,
         by=by,
-        by_start=_started(by),
+        by_start=proc.started(by),
         amount=amount,
         speaker=speaker,
         what=what,
@@ -151,7 +150,7 @@ def open_faults(fleet: Target) -> list[Fault]:
 
 def left(fleet: Target) -> list[Fault]:
     """Return those of them whose command is gone."""
-    return [one for one in open_faults(fleet) if not (one.by and _started(one.by) == one.by_start)]
+    return [one for one in open_faults(fleet) if not (one.by and proc.started(one.by) == one.by_start)]
 
 
 def heal(fleet: Target, faults: list[Fault]) -> list[Fault]:
@@ -165,12 +164,3 @@ def heal(fleet: Target, faults: list[Fault]) -> list[Fault]:
             every[fault.kind].heal(fleet, fault)
         healed.append(noted(fleet, msgspec.structs.replace(fault, ended=time.time(), text="healed later")))
     return healed
-
-
-def _started(pid: int) -> int:
-    """Return when a process of this machine started [ticks after boot]; 0: there is none."""
-    try:
-        found = process_status.stats([Path(f"/proc/{pid}/stat").read_text(errors="replace")])
-    except OSError:
-        return 0
-    return found[pid].start if pid in found and found[pid].state != "Z" else 0

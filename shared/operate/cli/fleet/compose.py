@@ -6,24 +6,24 @@ its fleet.json; of the others docker knows whether they run.
 
 import string
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import cached_property
 
 import msgspec
 
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE, STOP_FILE
 from agent_runtime.io.secured import ROUTER
+from operate import proc
 from operate.cli.errors import DockerError, FleetError, NoRunError, UsageError
 from operate.cli.fleet import process_status
 from operate.cli.fleet.docker import Container, command, docker, executed, inspected, ours
 from operate.cli.fleet.identity import OPERATOR
-from operate.cli.fleet.process_status import Look, Seen
+from operate.cli.fleet.process_status import Look, Put, Seen, Target
 from operate.cli.traffic import verdicts
 from operate.run_folder import (
     FAULTS_FILE,
     FLEET_FILE,
-    LIVE_FILE,
     OFF_SUFFIX,
     VERDICTS_FILE,
     Fleet,
@@ -56,7 +56,7 @@ class Sheet(msgspec.Struct, frozen=True):
     now: float = 0.0
     began: float = 0.0
     files: dict[str, tuple[float, bytes]] = {}
-    stats: dict[int, process_status.Stat] = {}
+    stats: dict[int, proc.Stat] = {}
 
     @property
     def fleet(self) -> Fleet | None:
@@ -98,7 +98,7 @@ def sheet(data: bytes) -> Sheet:
             times[name], texts[name] = float(when), []
         elif name:
             texts[name].append(line)
-    stats = process_status.stats(line.decode(errors="replace") for line in texts.pop("stat", []))
+    stats = proc.stats(line.decode(errors="replace") for line in texts.pop("stat", []))
     now, began = times.get("now", 0.0), times.get("began", 0.0)
     kept = texts.keys() - {"now", "began"}
     files = {name: (times[name], b"\n".join(texts[name])) for name in kept}
@@ -131,7 +131,7 @@ def projects(*, ended: bool = False) -> tuple[str, ...]:
         return ()
 
 
-class Compose:
+class Compose(Target):
     """The fleet of a compose project; of several robots in it, with `robot`, that one alone and what all share.
 
     Every call raises DockerError where docker does not do it.
@@ -145,11 +145,9 @@ class Compose:
 
     @cached_property
     def system(self) -> System:
-        """The system that runs there: the one here. Raises NoSystemError if it cannot be told."""
         return here()
 
     def look(self) -> Look:
-        """The fleet now."""
         containers = self._containers()
         running = [one for one in containers if one.runs]
         at = time.monotonic()
@@ -164,13 +162,8 @@ class Compose:
         told = Fleet(router.variable("ROCO_SYSTEM"), self.where, 0, 0.0, tuple(one.status for one in found))
         return Look(told, tuple(found), held, at)
 
-    def live(self, offset: int) -> bytes:
-        """Return the monitor's live.jsonl from byte `offset` on."""
-        return self._recorded(LIVE_FILE, f"tail -c +{offset + 1}")
-
     def verdicts(self) -> list[Judged]:
-        """Return the monitor's verdicts so far, in order of time."""
-        return verdicts.read(self._recorded(VERDICTS_FILE, "cat").splitlines())
+        return verdicts.read(self.recorded(VERDICTS_FILE).splitlines())
 
     def hearing(self) -> list[str]:
         """The command that prints what goes by as samples, a JSON object a line, until its standard input ends."""
@@ -183,17 +176,22 @@ class Compose:
         found = self._find(service)
         if found is None:
             raise DockerError(f"{self.where} has no service {service}")
-        options = [f"--env={one}" for one in found.config.env if one.startswith("ROCO_")]
-        options += [f"--network={name}" for name in list(found.network_settings.networks)[:1]]
-        options += [f"--volumes-from={found.id}", *GUARDED]
-        return command("run", "--rm", *options, found.config.image, *words)
+        return command("run", "--rm", *_options(found), f"--volumes-from={found.id}", found.config.image, *words)
 
-    def read(self, name: str, file: str) -> bytes:
-        """Return the contents of a file in the run folder of a process."""
-        return self._shell(name, f'cat "${RUN_FOLDER_VARIABLE}/{file}"')
+    def read(self, name: str, file: str, offset: int = 0) -> bytes:
+        return self._shell(name, _reading((f"${RUN_FOLDER_VARIABLE}/{file}",), offset))
+
+    def logged(self, name: str, offset: int) -> bytes:
+        with suppress(DockerError):
+            return super().logged(name, offset)
+        return b""
+
+    def recorded(self, file: str, offset: int = 0) -> bytes:
+        """With several robots each has a folder of the monitor's."""
+        run = f"${RUN_FOLDER_VARIABLE}"
+        return self._shell(MONITOR, _reading((f"{run}/{self._name()}/{file}", f"{run}/{file}"), offset))
 
     def put(self, file: str, data: bytes) -> None:
-        """Raise FleetError: containers share no run folder."""
         raise FleetError(f"the processes of {self.where} share no run folder for {file}; a local fleet does: `roco up`")
 
     def hold(self, name: str, held: bool) -> None:
@@ -223,57 +221,47 @@ class Compose:
             docker(begin if on else "stop", container.id, timeout_s=END_S)
 
     def signal(self, name: str, number: int) -> None:
-        """Send a signal to a process, in its container. DockerError, FleetError: it does not run."""
         one = self._living(name)
         pid = one.status.pid
         self._shell(one.home, f"kill -{number} {pid} || [ ! -e /proc/{pid} ]")  # or it ended since the look
 
     def writing(self, name: str, possible: bool) -> None:
-        """Let what a process writes to files fail, or not any more. DockerError, FleetError: it does not run."""
         one = self._living(name)
         self._shell(one.home, f"prlimit --pid {one.status.pid} --fsize={'unlimited' if possible else 0}:")
 
     def clock(self, name: str, seconds: float) -> None:
-        """Raise FleetError: only agents of a local fleet have a clock of their own."""
         if seconds:
             raise FleetError(f"{name} of {self.where} has no clock of its own; a local fleet has: `roco up --faults`")
 
     def variable(self, name: str, variable: str) -> str:
-        """Return a variable of the environment of the container that a process runs in."""
         return self._home(name).variable(variable)
 
     def wire(self, name: str, kind: str, amount: float | None) -> None:
-        """Set a condition of the wire of an agent, or of all ("router"), or end it (None). FleetError: no such wire."""
-        if self._find(WIRES) is None:
+        told = self.read(WIRES, files.WIRES_FILE) if self._find(WIRES) is not None else b""
+        if not told:
             if amount is not None:
                 raise FleetError(f"the agents of {self.where} have no wires; {WITH_WIRES}")
             return
-        wires = msgspec.json.decode(self.read(WIRES, files.WIRES_FILE), type=files.Wires)
+        wires = msgspec.json.decode(told, type=files.Wires)
         if amount is not None and (missing := wires.missing(name)):
             raise FleetError(missing)
         file = f'"${RUN_FOLDER_VARIABLE}/{name}.{kind}{files.SUFFIX}"'
         put = f"printf %s {amount} > {file}.new && mv {file}.new {file}"
         self._shell(WIRES, f"rm -f {file}" if amount is None else put)
 
-    def faults(self) -> bytes:
-        """Return what faults.jsonl has; b"" where it is not there."""
-        return self._recorded(FAULTS_FILE, "cat")
-
     def add_fault(self, line: bytes) -> None:
         """Append a line to faults.jsonl, beside the monitor's recording; waits while the monitor is started again."""
         until = time.monotonic() + MONITOR_S
         while True:
             try:
-                return self._add_fault(line)
+                own = f"${RUN_FOLDER_VARIABLE}/{self._name()}"
+                script = f'd="{own}"; [ -d "$d" ] || d="${RUN_FOLDER_VARIABLE}"; cat >> "$d/{FAULTS_FILE}"'
+                docker("exec", "--interactive", self._running(MONITOR).id, "sh", "-c", script, data=line)
+                return
             except DockerError:
                 if time.monotonic() > until:
                     raise
                 time.sleep(PERIOD_S)
-
-    def _add_fault(self, line: bytes) -> None:
-        run = f"${RUN_FOLDER_VARIABLE}"
-        script = f'd="{run}"; [ -d "$d/{self._name()}" ] && d="$d/{self._name()}"; cat >> "$d/{FAULTS_FILE}"'
-        docker("exec", "--interactive", self._running(MONITOR).id, "sh", "-c", script, data=line)
 
     def down(self) -> tuple[str, ...]:
         """End the containers in order; volumes, networks and containers stay."""
@@ -285,17 +273,15 @@ class Compose:
         return tuple(running)
 
     def log(self, name: str, lines: int) -> tuple[str, ...]:
-        """The last lines that a process wrote."""
         said = docker("logs", "--tail", str(lines), self._home(name).id)
         return tuple(said.decode(errors="replace").splitlines())
 
     @contextmanager
-    def operating(self) -> Iterator[Callable[[str, bytes], None]]:
+    def operating(self) -> Iterator[Put]:
         """A session of the operator: each put is a container of its own, with the operator's keys and no others."""
         yield self._put
 
-    def speaking(self, identity: str, to: str) -> AbstractContextManager[Callable[[str, bytes], None]]:
-        """Raise FleetError: keys of containers stay in them."""
+    def speaking(self, identity: str, to: str) -> AbstractContextManager[Put]:
         raise FleetError(f"the keys of {self.where} stay in its containers; flood a local fleet: `roco up`")
 
     def _living(self, name: str) -> Seen:
@@ -308,26 +294,16 @@ class Compose:
         agent = next((one for one in map(self._find, self.system.design.agents) if one is not None and one.runs), None)
         if agent is None:
             raise DockerError(f"no agent of {self.where} runs; `roco agent start` starts one")
-        options = [f"--env={one}" for one in agent.config.env if one.startswith("ROCO_")]
-        options += [f"--network={name}" for name in list(agent.network_settings.networks)[:1]]
+        options = _options(agent)
         if agent.variable(KEYS_VARIABLE):
             options.append(f"--volume={self.project}_keys-{OPERATOR}:{agent.variable(KEYS_VARIABLE)}:ro")
         options.append("--entrypoint=python")
         words = (agent.config.image, "-m", "operate.cli.fleet.operating", key, data.hex())
-        docker("run", "--rm", *options, *GUARDED, *words, timeout_s=END_S)
+        docker("run", "--rm", *options, *words, timeout_s=END_S)
 
     def logging(self) -> tuple[str, ...]:
-        """The agents that run, and the monitor: each has a log of JSON lines."""
         names = (*self.system.design.agents, MONITOR)
         return tuple(name for name in names if (found := self._find(name)) is not None and found.runs)
-
-    def logged(self, name: str, offset: int) -> bytes:
-        """Return the log of a process from byte `offset` on, as JSON lines; b"" while its container does not run."""
-        file = f'"${RUN_FOLDER_VARIABLE}/logs/{name}.jsonl"'
-        try:
-            return self._shell(name, f"[ -e {file} ] && tail -c +{offset + 1} {file}; :")
-        except DockerError:
-            return b""
 
     def _containers(self) -> list[Container]:
         """The services, in the order of a start."""
@@ -368,14 +344,6 @@ class Compose:
         """Return the output of a script run in a service's container. Raises DockerError if it does not run."""
         return docker("exec", self._running(service).id, "sh", "-c", script)
 
-    def _recorded(self, file: str, reading: str) -> bytes:
-        """Return a file of the monitor; with several robots each has a folder there. b"" if it does not exist yet."""
-        run = f"${RUN_FOLDER_VARIABLE}"
-        script = (
-            f'for f in "{run}/{self._name()}/{file}" "{run}/{file}"; do [ -e "$f" ] && exec {reading} "$f"; done; :'
-        )
-        return self._shell(MONITOR, script)
-
     def _name(self) -> str:
         """The system's name in all keys: that of its agents. DockerError: none of them runs."""
         agents = (one for one in map(self._find, self.system.design.agents) if one is not None and one.runs)
@@ -387,6 +355,18 @@ class Compose:
         if found is None or not found.runs:
             raise DockerError(f"service {service} of {self.where} does not run; `roco agent start {service}` starts it")
         return found
+
+
+def _options(container: Container) -> list[str]:
+    """Options of a container that runs beside this one for a moment: with its variables and network, as guarded."""
+    variables = [f"--env={one}" for one in container.config.env if one.startswith("ROCO_")]
+    return [*variables, *(f"--network={name}" for name in list(container.network_settings.networks)[:1]), *GUARDED]
+
+
+def _reading(files: tuple[str, ...], offset: int) -> str:
+    """A script that writes the first of these files that is there, from byte `offset` on."""
+    names = " ".join(f'"{file}"' for file in files)
+    return f'for f in {names}; do [ -e "$f" ] && exec tail -c +{offset + 1} "$f"; done; :'
 
 
 def _of(container: Container, read: Sheet) -> list[Seen]:
@@ -409,6 +389,6 @@ def _state(container: Container, read: Sheet) -> ProcessState:
 
 
 def _process(status: ProcessStatus, container: Container, read: Sheet) -> Seen:
-    used = process_status.used(status.pid, read.stats) if status.pid else None
+    used = proc.used(status.pid, read.stats) if status.pid else None
     beat, age = read.beat(status.name)
     return Seen(status, beat, age, used, container.service)

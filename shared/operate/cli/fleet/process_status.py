@@ -1,26 +1,25 @@
-"""State of each process of a fleet at one look, and its processor share from two looks.
+"""A fleet, wherever it runs: the state of each process at one look, and its processor share from two looks.
 
 Pure: texts of files in, Structs out. Whoever looks is in operate.cli.fleet.local or operate.cli.fleet.compose.
 """
 
-import os
-from collections.abc import Iterable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 
 import msgspec
 
 from agent_runtime.core.control import Answer, Value
 from agent_runtime.core.inside import Inside
-from operate.run_folder import Fleet, ProcessState, ProcessStatus
+from operate.proc import Used
+from operate.run_folder import FAULTS_FILE, LIVE_FILE, Fleet, Judged, ProcessState, ProcessStatus
+from operate.system import System
 
-TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
-PAGE = os.sysconf("SC_PAGE_SIZE")
 LATE_S = 3.0
 """An older heartbeat is one of a process that hangs: they come each second, at a load of 20 within 3 s."""
 UNSUPERVISED = "no supervisor: who dies now stays dead"
 PAUSED = "paused"
 """State of an agent that takes no step until it is resumed."""
-FROZEN, ENDED = "T", "Z"
-"""State of a process that was stopped by a signal, and of one that has ended unknown to its parent (man 5 proc)."""
 
 
 class Unheard(msgspec.Struct, frozen=True):
@@ -58,18 +57,6 @@ class Beat(msgspec.Struct, frozen=True):
     trouble: str = ""
 
 
-class Used(msgspec.Struct, frozen=True):
-    """A process and those below it: processor time [s] so far, resident memory [bytes]; `frozen`: it may not run.
-
-    `start`: when the process itself started [ticks after boot]: another one under the same pid started later.
-    """
-
-    cpu_s: float
-    memory: int
-    frozen: bool
-    start: int = 0
-
-
 class Seen(msgspec.Struct, frozen=True):
     """A process at one look; `age_s`: of its heartbeat. None: it has none, or does not run. `home`: its service."""
 
@@ -92,6 +79,108 @@ class Look(msgspec.Struct, frozen=True):
     stop_held: bool
     at: float
     unkept: str = ""
+
+
+Put = Callable[[str, bytes], None]
+"""Puts data on a key."""
+
+
+class Target(ABC):
+    """A fleet, wherever it runs. `where`: for people; `name`: for --target."""
+
+    where: str
+    name: str
+
+    @property
+    @abstractmethod
+    def system(self) -> System:
+        """The system that runs there. Raises NoSystemError if it cannot be told."""
+
+    @abstractmethod
+    def look(self) -> Look:
+        """The fleet now: each process with heartbeat, processor time, memory."""
+
+    @abstractmethod
+    def read(self, name: str, file: str, offset: int = 0) -> bytes:
+        """A file in the run folder of a process, from byte `offset` on; b"" if it does not exist. Raises DockerError if
+        that process has no running container.
+        """
+
+    @abstractmethod
+    def recorded(self, file: str, offset: int = 0) -> bytes:
+        """A file of the monitor, from byte `offset` on; b"" if it does not exist yet."""
+
+    def live(self, offset: int) -> bytes:
+        """The monitor's live.jsonl from byte `offset` on."""
+        return self.recorded(LIVE_FILE, offset)
+
+    def faults(self) -> bytes:
+        """What faults.jsonl has; b"" where it is not there."""
+        return self.recorded(FAULTS_FILE)
+
+    def logged(self, name: str, offset: int) -> bytes:
+        """The log of a process from byte `offset` on, as JSON lines; b"" while its container does not run."""
+        return self.read(name, f"logs/{name}.jsonl", offset)
+
+    @abstractmethod
+    def verdicts(self) -> list[Judged]:
+        """The monitor's verdicts so far, in order of time; without a monitor, those of its recording now."""
+
+    @abstractmethod
+    def put(self, file: str, data: bytes) -> None:
+        """Replace a file in the run folder at once. FleetError: this fleet has no folder that all processes share."""
+
+    @abstractmethod
+    def hold(self, name: str, held: bool) -> None:
+        """Set the stop flag in the run folder of a process, or clear it."""
+
+    @abstractmethod
+    def switch(self, name: str, on: bool) -> None:
+        """Start a process, or end it and keep it down; it is asked for, not waited for. UsageError: no such name."""
+
+    @abstractmethod
+    def signal(self, name: str, number: int) -> None:
+        """Send a signal to a process. FleetError: it does not run."""
+
+    @abstractmethod
+    def variable(self, name: str, variable: str) -> str:
+        """A variable of the environment that a process has, or would be started with; "" where it is not set."""
+
+    @abstractmethod
+    def wire(self, name: str, kind: str, amount: float | None) -> None:
+        """Set a condition of the wires of an agent, or of all to a router, or end it (None). FleetError: none."""
+
+    @abstractmethod
+    def writing(self, name: str, possible: bool) -> None:
+        """Let what a process writes to files fail, or not any more. FleetError: it does not run."""
+
+    @abstractmethod
+    def clock(self, name: str, seconds: float) -> None:
+        """Set the wall clock of a process so far forward [s]; 0: as it is. FleetError: it has none of its own."""
+
+    @abstractmethod
+    def add_fault(self, line: bytes) -> None:
+        """Append a line to faults.jsonl, where the monitor reads it."""
+
+    @abstractmethod
+    def down(self) -> tuple[str, ...]:
+        """End the fleet in order; who was ended. NotWaitedError: Ctrl-C meanwhile."""
+
+    @abstractmethod
+    def log(self, name: str, lines: int) -> tuple[str, ...]:
+        """The last lines that a process wrote."""
+
+    @abstractmethod
+    def operating(self) -> AbstractContextManager[Put]:
+        """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be had."""
+
+    @abstractmethod
+    def speaking(self, identity: str, to: str) -> AbstractContextManager[Put]:
+        """A session with the keys of an identity, in which an agent hears. ConsoleError: it cannot be had."""
+
+    @abstractmethod
+    def logging(self) -> tuple[str, ...]:
+        """The processes that have a log of JSON lines."""
 
 
 class Row(msgspec.Struct, frozen=True):
@@ -198,39 +287,3 @@ def beat(data: bytes) -> Beat | None:
         return msgspec.json.decode(data, type=Beat)
     except msgspec.DecodeError:
         return None
-
-
-class Stat(msgspec.Struct, frozen=True):
-    """A line of /proc/PID/stat, as far as it is wanted (man 5 proc)."""
-
-    pid: int
-    parent: int
-    state: str
-    ticks: int
-    pages: int
-    start: int = 0
-
-
-def stats(lines: Iterable[str]) -> dict[int, Stat]:
-    """Lines of /proc/*/stat by pid; what is not whole is left out."""
-    found = {}
-    for line in lines:
-        head, _, rest = line.rpartition(")")
-        fields = rest.split()
-        if len(fields) > 21:
-            pid = int(head.split(" ", 1)[0])
-            ticks = int(fields[11]) + int(fields[12])
-            found[pid] = Stat(pid, int(fields[1]), fields[0], ticks, int(fields[21]), int(fields[19]))
-    return found
-
-
-def used(pid: int, found: Mapping[int, Stat]) -> Used | None:
-    """Return the resources that a process and its children use; None if it does not exist or has ended."""
-    if pid not in found or found[pid].state == ENDED:
-        return None
-    tree, grown = {pid}, 0
-    while grown != len(tree):
-        grown = len(tree)
-        tree |= {stat.pid for stat in found.values() if stat.parent in tree}
-    ticks, pages = (sum(getattr(found[one], name) for one in tree) for name in ("ticks", "pages"))
-    return Used(TICK_S * ticks, PAGE * pages, found[pid].state == FROZEN, found[pid].start)

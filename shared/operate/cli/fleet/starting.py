@@ -15,6 +15,7 @@ from agent_runtime.io.fleet_processes import started_in
 from agent_runtime.io.forked import FORKS
 from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE, make_run
 from agent_runtime.io.secured import ROUTER
+from operate import proc
 from operate.cli.errors import WRONG_USE, FleetError, NotWaitedError, UsageError
 from operate.cli.runs import folders
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
@@ -199,17 +200,9 @@ def _wait_gone(pids: list[int], patience_s: float) -> list[int]:
     """Wait until these processes are gone; those that are not in time."""
     deadline = time.monotonic() + patience_s
     while pids and time.monotonic() < deadline:
-        pids = [pid for pid in pids if _lives(pid)]
+        pids = [pid for pid in pids if proc.words(pid)]
         time.sleep(0.02 if pids else 0.0)
     return pids
-
-
-def _lives(pid: int) -> bool:
-    """Whether there is such a process, not merely what is left of one whose parent has not looked."""
-    try:
-        return Path(f"/proc/{pid}/cmdline").read_bytes() != b""
-    except OSError:
-        return False
 
 
 def _last_words(run: Path) -> tuple[str, ...]:

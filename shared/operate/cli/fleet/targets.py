@@ -1,4 +1,4 @@
-"""Choice of a fleet, and the interface of any fleet: one on this machine, or one in containers.
+"""Choice of a fleet: one on this machine, or one in containers.
 
 Without a word from the user it is what runs: the run of --run-dir or ROCO_RUN_DIR, else runs/latest where something of
 it lives, else the only other one of runs/ that lives, else the containers of a compose project, else runs/latest as it
@@ -6,10 +6,8 @@ was left.
 """
 
 import os
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Annotated, Protocol
+from typing import Annotated
 
 import typer
 
@@ -19,9 +17,11 @@ from operate.cli import completion
 from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import running_fleets
 from operate.cli.fleet.local import Local
-from operate.cli.fleet.process_status import Look, Seen
+from operate.cli.fleet.process_status import Put as Put
+from operate.cli.fleet.process_status import Seen
+from operate.cli.fleet.process_status import Target as Target
 from operate.cli.runs import folders
-from operate.run_folder import LATEST, Judged
+from operate.run_folder import LATEST
 from operate.system import System, here
 
 LOCAL, COMPOSE = "local", "compose"
@@ -36,84 +36,6 @@ Name = Annotated[
         autocompletion=completion.targets,
     ),
 ]
-
-
-Put = Callable[[str, bytes], None]
-"""Puts data on a key."""
-
-
-class Target(Protocol):
-    """A fleet, wherever it runs. `where`: for people; `name`: for --target; `system`: what runs there; may raise
-    NoSystemError.
-    """
-
-    where: str
-    name: str
-
-    @property
-    def system(self) -> System: ...
-
-    def look(self) -> Look:
-        """The fleet now: each process with heartbeat, processor time, memory."""
-
-    def live(self, offset: int) -> bytes:
-        """Return the monitor's live.jsonl from byte `offset` on."""
-
-    def verdicts(self) -> list[Judged]:
-        """Return the monitor's verdicts so far, in order of time."""
-
-    def read(self, name: str, file: str) -> bytes:
-        """Return the contents of a file in the run folder of a process; b"" if it does not exist. Raises DockerError if
-        that process has no running container.
-        """
-
-    def put(self, file: str, data: bytes) -> None:
-        """Replace a file in the run folder at once. FleetError: this fleet has no folder that all processes share."""
-
-    def hold(self, name: str, held: bool) -> None:
-        """Set the stop flag in the run folder of a process, or clear it."""
-
-    def switch(self, name: str, on: bool) -> None:
-        """Start a process, or end it and keep it down; it is asked for, not waited for. UsageError: no such name."""
-
-    def signal(self, name: str, number: int) -> None:
-        """Send a signal to a process. FleetError: it does not run."""
-
-    def variable(self, name: str, variable: str) -> str:
-        """Return a variable of the environment that a process has, or would be started with; "" where it is not set."""
-
-    def wire(self, name: str, kind: str, amount: float | None) -> None:
-        """Set a condition of the wires of an agent, or of all to a router, or end it (None). FleetError: none."""
-
-    def writing(self, name: str, possible: bool) -> None:
-        """Let what a process writes to files fail, or not any more. FleetError: it does not run."""
-
-    def clock(self, name: str, seconds: float) -> None:
-        """Set the wall clock of a process so far forward [s]; 0: as it is. FleetError: it has none of its own."""
-
-    def faults(self) -> bytes:
-        """Return what faults.jsonl has; b"" where it is not there."""
-
-    def add_fault(self, line: bytes) -> None:
-        """Append a line to faults.jsonl, where the monitor reads it."""
-
-    def down(self) -> tuple[str, ...]:
-        """End the fleet in order; who was ended."""
-
-    def log(self, name: str, lines: int) -> tuple[str, ...]:
-        """The last lines that a process wrote."""
-
-    def operating(self) -> AbstractContextManager[Put]:
-        """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be had."""
-
-    def speaking(self, identity: str, to: str) -> AbstractContextManager[Put]:
-        """A session with the keys of an identity, in which an agent hears. ConsoleError: it cannot be had."""
-
-    def logging(self) -> tuple[str, ...]:
-        """The processes that have a log of JSON lines."""
-
-    def logged(self, name: str, offset: int) -> bytes:
-        """Return the log of a process from byte `offset` on, as JSON lines."""
 
 
 def find(name: str = "", run_dir: Path | None = None) -> Target:

@@ -11,6 +11,7 @@ import msgspec
 from agent_runtime.io.fleet_processes import started_in
 from agent_runtime.io.options import AGENTS_VARIABLE, Options
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD
+from operate import proc
 from operate.cli.errors import NoRunError
 from operate.run_folder import FLEET_FILE, LATEST, LOCK_FILE, Fleet, ProcessState, ProcessStatus
 
@@ -92,17 +93,6 @@ def around() -> Fleet | None:
     return Fleet(os.environ.get("ROCO_SYSTEM", Options().system), connect, 0, 0.0, (), agents=agents)
 
 
-def called() -> list[list[str]]:
-    """The words with which each process of this machine was called; one that ends meanwhile is left out."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            found.append(path.read_bytes().decode(errors="replace").split("\0"))
-        except OSError:
-            continue
-    return found
-
-
 def _ended(status: ProcessStatus) -> ProcessStatus:
     """A process that is not there any more; what was given up stays so."""
     state = status.state if status.state is ProcessState.GIVEN_UP else ProcessState.STOPPED
@@ -114,10 +104,7 @@ def is_service(pid: int, *modules: str) -> bool:
     """Tell whether this pid is a living process that runs one of these modules; a number used again by somebody else is
     not.
     """
-    try:
-        words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
-    except OSError:
-        return False
+    words = proc.words(pid)
     return any(module in words for module in modules if module)
 
 
