@@ -17,8 +17,7 @@ from operate.cli import interrupts
 from operate.cli.errors import UsageError
 from operate.cli.fleet import running_fleets, starting, up, view
 from operate.cli.fleet.up import Speed
-from operate.cli.output import Form, Format, problems, waiting
-from operate.cli.seeds import Seed
+from operate.cli.output import Form, Format, Seed, problems, waiting
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.watch import Watch
 from operate.system import here

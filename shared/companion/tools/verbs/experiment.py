@@ -1,10 +1,9 @@
 """`roco experiment pour`: the main job repeated, each run with a fresh fleet; the figures beside the paper's."""
 
 from operate.cli.fleet.up import Rate, SceneFile, Speed
-from operate.cli.output import Form, Format
+from operate.cli.output import FirstSeed, Form, Format
 from operate.cli.runs.experiment import Count, MostLoad, Place, Resume, Timeout, repeated
 from operate.cli.runs.trials import Asked
-from operate.cli.seeds import FirstSeed
 
 
 def pour(
