@@ -1,6 +1,6 @@
 """Cost of our layers: a question and its answer as shipped and in parts, the codec, a step of a conversation.
 
-    python benchmarks/as_shipped.py [--quick] [--only codec|conversation|trip|stages] [--out results file]
+    python benchmarks/as_shipped.py [--quick] [--only codec|conversation|trip] [--out results file]
 
 Each row sets ours against the bare thing, by turns in blocks, so that noise hits both alike; ratios are those of the
 medians and of the 99th percentiles, each with the 95 % interval of 500 samples of its blocks. A row is appended to
@@ -23,9 +23,8 @@ import numpy as np
 import realtime
 import tables
 import typer
-from fleets import KINDS, PARTS, Fleet
+from fleets import KINDS, Fleet
 from round_trip import WM
-from stages import stage_times
 
 from companion.languages import wm
 from companion.languages.facts import Kind, fact
@@ -234,21 +233,6 @@ def turns(fleets: list[Fleet], answer: str, quick: bool) -> list[tuple[list[list
     return [(times, round(10 * one / (turns * count), 2)) for times, one in zip(taken, spent, strict=True)]
 
 
-def stages(quick: bool) -> None:
-    """Measure the stages of a question: medians between stamps in both processes; the stamps themselves cost 5 us."""
-    for name, (count, blocks) in TRIPS.items():
-        with tempfile.TemporaryDirectory(prefix="as-shipped-") as folder:
-            run = Path(folder) / "fleet"
-            fleet = Fleet(run, PARTS[0], "stages.py")
-            try:
-                fleet.block(name, count * (6 if quick else blocks // 2))
-            finally:
-                fleet.end()
-            typer.echo(f"{name}, {PARTS[0].name}, us at p50:")
-            for what, middle in stage_times(run):
-                typer.echo(f"  {what:58} {middle:8.0f}")
-
-
 def result(what: str, ours: list[list[float]], bare: list[list[float]] | None, limit: float | None) -> Result:
     """A row from blocks of times [us]."""
     mine = sorted(one for block in ours for one in block)
@@ -299,7 +283,7 @@ RUN = tables.commit()
 
 def main(
     quick: Annotated[bool, typer.Option("--quick", help="a tenth of the calls; nothing is written down")] = False,
-    only: Annotated[str, typer.Option(help="codec, conversation, trip, or stages: where a trip's time goes")] = "",
+    only: Annotated[str, typer.Option(help="codec, conversation or trip")] = "",
     again: Annotated[
         bool, typer.Option("--again", help="also what stands in the results file for this commit")
     ] = False,
@@ -314,11 +298,8 @@ def main(
         "conversation": lambda: conversation(quick),
         "trip": lambda: trip(quick, wanted) if wanted else [],
     }
-    if only == "stages":
-        stages(quick)
-        return
     if only and only not in parts:
-        raise typer.BadParameter(f"--only {only}: there are {', '.join(parts)}, stages")
+        raise typer.BadParameter(f"--only {only}: there are {', '.join(parts)}")
     typer.echo(
         f"{'commit ' + RUN:62} {'ours p50':>9} {'p99 us':>9} {'bare p50':>9} {'p99 us':>9}  ratio of p50, p99 (95 %)"
     )

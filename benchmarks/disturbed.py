@@ -38,13 +38,13 @@ from companion.languages.cmd import BACK
 from companion.languages.facts import Facts
 from companion.sentences import operator
 from companion.skills.loop_messages import KNOT_S, Motion
-from companion.skills.sight import Eye
+from companion.skills.situation import Eye
 from companion.skills.skill import Asked, Sensed
 from companion.tasks.open_door.done import OpenDoor
 from companion.tasks.pour.done import Pour, PourKind
 from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess
-from services.task.words import SURVEY
+from services.task.outgoing_messages import SURVEY
 from velma.model.contacts import Kind as Meets
 from velma.model.kinds import Model
 from velma.model.scene import CANONICAL, Scene, Thing, load, vary
@@ -64,7 +64,7 @@ SPARE = {JAR_2: Thing(JAR_2, Model.JAR, (-2.0, 1.0, 0.101)), BOX: Thing(BOX, Mod
 PUSH_M = 0.05  # as far as a passing arm pushes (estimate)
 SETTLE_S = 1.2  # until what was disturbed before an act rests
 LIMIT_S = 600.0  # simulated; estimate: a pour takes 70, with three plans 150
-KNOCK_S, OBSTACLE_S = 1.5, 5.0  # as in tests/fleet/test_lost.py; until somebody takes the obstacle away (estimate)
+KNOCK_S, OBSTACLE_S = 1.5, 5.0  # as in tests/fleet/test_pour.py; until somebody takes the obstacle away (estimate)
 BESIDE_M = 0.15  # of a person's hand from the way of the robot's; estimate
 AHEAD_M = 0.15  # what stands in the way is at least so far from the hand at first; estimate
 LEAST = 0.9  # of the content, that a pour moves, as the report demands

@@ -21,7 +21,7 @@ from companion.tools.system import JOB, SYSTEM
 from operate.cli.chaos import trial
 from operate.cli.chaos.trial import Cell
 from operate.cli.runs import trials
-from operate.recording import history
+from operate.recording.run import Run
 from operate.run_folder import REPORT_FILE
 
 FAULTS: dict[str, float | None] = {"kill": None, "pause": 3.0, "hang": 60.0, "cut": 5.0}
@@ -49,7 +49,7 @@ def cell(victim: str, phase: str, fault: str, seed: int, out: Path) -> dict[str,
 
 def figures(run: Path) -> dict[str, Any]:
     """Return how many plans a pour needed, what was against the design, how many acts were begun twice."""
-    found: dict[str, Any] = {"doubled": sum(times - 1 for times in begun_twice(history.load(run, SYSTEM)).values())}
+    found: dict[str, Any] = {"doubled": sum(times - 1 for times in begun_twice(Run(run, SYSTEM).history).values())}
     if (run / REPORT_FILE).exists():
         report = msgspec.json.decode((run / REPORT_FILE).read_bytes())
         found["plans"] = len(report["plans"])

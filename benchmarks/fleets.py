@@ -19,8 +19,7 @@ import msgspec
 from round_trip import SYSTEM, Block
 
 from agent_runtime.io import issuing
-from agent_runtime.io.links import UNIX_SOCKET
-from agent_runtime.io.sessions import free_endpoint
+from agent_runtime.io.sessions import UNIX_SOCKET, free_endpoint
 from companion.design import DESIGN
 
 HERE = Path(__file__).resolve().parent
@@ -53,15 +52,12 @@ KINDS = (BARE, *PARTS, SHIPPED, UNIX)
 class Fleet:
     """One that runs; `block` has its asker ask."""
 
-    def __init__(
-        self, run: Path, kind: Kind, script: str = "round_trip.py", systems: tuple[str, ...] = (SYSTEM,)
-    ) -> None:
-        """`script`: what serves as the agents. `systems`: who has keys."""
+    def __init__(self, run: Path, kind: Kind) -> None:
         run.mkdir(parents=True)
-        self._run, self._script, self._kind = run, script, kind
+        self._run, self._kind = run, kind
         self._address = self._endpoint()
         if kind.secured:
-            issuing.issue(run / "keys", DESIGN, systems)
+            issuing.issue(run / "keys", DESIGN, (SYSTEM,))
         told = {"CONNECT": self._address, "RUN_DIR": str(run), "SYSTEM": SYSTEM, "AGENTS": self._agents()}
         told |= {"TLS_DIR": str(run / "keys") if kind.secured else "", "LOG_LEVEL": "warning"}
         self._environment = os.environ | {f"ROCO_{name}": value for name, value in told.items()}
@@ -103,7 +99,7 @@ class Fleet:
 
     def _role(self, name: str, out: int, folder: Path, **more: Any) -> subprocess.Popen[bytes]:
         words = [name, self._address, str(folder), str(out)]
-        return self._start([sys.executable, str(HERE / self._script), *words], pass_fds=[out], **more)
+        return self._start([sys.executable, str(HERE / "round_trip.py"), *words], pass_fds=[out], **more)
 
     def _start(self, command: list[str], **more: Any) -> subprocess.Popen[bytes]:
         with (self._run / "bench.log").open("ab") as log:

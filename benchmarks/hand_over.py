@@ -27,7 +27,7 @@ from companion.languages import hfsm, rc
 from companion.sentences import operator
 from companion.skills.loop_messages import Motion, Until
 from companion.tasks.hand_over.done import HandOver
-from services.task.words import SURVEY
+from services.task.outgoing_messages import SURVEY
 from velma.model.scene import CANONICAL, Scene, load, vary
 from velma.sim.disturbances import Disturbance, Kind, Of
 from velma.sim.disturbed_world import ASIDE

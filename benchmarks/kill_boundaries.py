@@ -31,7 +31,7 @@ BLOCK = 29
 
 def different(found: Ending, usual: Ending) -> str:
     """Return what is otherwise than without a death; "" where nothing is. More acts may be commanded: looks."""
-    names = [name for name in ("world", "stands", "word", "poured") if getattr(found, name) != getattr(usual, name)]
+    names = [name for name in ("world", "stands", "last", "poured") if getattr(found, name) != getattr(usual, name)]
     return ", ".join([*names, *(f"{key} twice" for key in found.doubled)])
 
 

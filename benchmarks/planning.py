@@ -21,7 +21,7 @@ from services.knowledge.answers import ask
 from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene
-from services.task.words import SURVEY
+from services.task.outgoing_messages import SURVEY
 from velma import names
 from velma.kinematics.frames import xyz_quat
 from velma.model.scene import load, vary

@@ -41,8 +41,8 @@ from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
 from services.task import plan as plans
-from services.task.running import LOOK_FIRST, OF_KIND
-from services.task.words import SURVEY, known_after, not_checked, observations
+from services.task.outgoing_messages import SURVEY, known_after, not_checked, observations
+from services.task.running import LOOK_FIRST, PLAN_AGAIN
 from velma.kinematics.robot import Robot
 from velma.model.scene import CANONICAL, Content, Noise, Scene, checked, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
@@ -150,7 +150,7 @@ class Run:
             return hfsm.Outcome.SUCCEEDED, ()
         if done.kind in LOOK_FIRST:
             self.act(SURVEY)
-        return OF_KIND.get(done.kind, hfsm.Outcome.FAILED), done.why
+        return hfsm.Outcome.REPLAN if done.kind in PLAN_AGAIN else hfsm.Outcome.FAILED, done.why
 
     def pour(self) -> Facts:
         """The task; returns why it failed, or nothing."""

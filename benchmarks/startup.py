@@ -33,9 +33,9 @@ from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.tap import Sample, open_tap
 from companion.run_files import HI_FILE
-from companion.telemetry import RobotState, told
+from companion.telemetry import RobotState, decoded
 from companion.tools.verbs.hi import Hi, address
-from companion.tools.verbs.main_job import SENTENCE
+from companion.tools.verbs.pour_run import SENTENCE
 from operate.cli.fleet import starting
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
@@ -64,7 +64,7 @@ class Motion:
         """Take in what ex shows."""
         if not sample.key.endswith("/_/telemetry/ex"):
             return
-        state = told(sample.data)
+        state = decoded(sample.data)
         if not isinstance(state, RobotState):
             return
         if self.first is None:

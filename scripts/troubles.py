@@ -21,7 +21,7 @@ ENUMS = {  # words that a person meets as the reason of something; each member h
     "acts": ("shared/companion/languages/rc.py", "NotDoneKind"),
     "states": ("shared/operate/run_folder.py", "ProcessState"),
 }
-DROPS = {"What.DROP": "stray", "What.REFUSE": "not understood"}  # members of agent_runtime.core.verdict.What
+DROPS = {"What.DROP": "stray", "What.REFUSE": "not understood"}  # members of agent_runtime.core.sequence_check.What
 CODES = "shared/operate/cli/errors.py"
 
 

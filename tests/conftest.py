@@ -1,6 +1,8 @@
 """For all tests: hypothesis looks for what is false, not for what is slow; machines with other work run them, too.
 
 In CI it draws the same examples each time, so that a commit is refused for what it changed; elsewhere it draws others.
+Its profile `few` draws a quarter of the examples of `many`, which CI and `scripts/test --all` take; a number that a
+test names is one of `many`. Tests that walk through many cases take `some` of them likewise.
 
 Fleets of tests show no pictures (ROCO_VIEW) but where a test is about them: they would only make everything slower.
 Their robots see by rays (ROCO_EYES), which is faster, except where a pour as shipped is tested.
@@ -23,7 +25,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -36,13 +38,18 @@ from hypothesis import HealthCheck, settings
 from velma.errors import GlError
 from velma.sim import gl
 
-settings.register_profile(
-    "any machine",
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow],
-    derandomize=os.environ.get("CI") == "true",
-)
-settings.load_profile("any machine")
+IN_CI = os.environ.get("CI") == "true"
+MANY = 100
+"""Examples of a test that names no number of its own."""
+for profile, examples in (("few", MANY // 4), ("many", MANY)):
+    settings.register_profile(
+        profile,
+        max_examples=examples,
+        deadline=None,
+        suppress_health_check=[HealthCheck.too_slow],
+        derandomize=IN_CI,
+    )
+settings.load_profile("many" if IN_CI else "few")
 os.environ.setdefault("ROCO_VIEW", "off")
 os.environ.setdefault("ROCO_EYES", "rays")
 BYTECODE = str(Path(__file__).parents[1] / ".venv/bytecode")
@@ -74,9 +81,35 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """
     real = {item.path for item in items if is_real(item)}
     items.sort(key=lambda item: item.path not in real)
+    for test in {inner for item in items if (inner := drawing(item)) is not None}:
+        test._hypothesis_internal_use_settings = scaled(test._hypothesis_internal_use_settings)
     if config.pluginmanager.hasplugin("rerunfailures"):
         for item in filter(is_real, items):
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+def drawing(item: pytest.Item) -> Any:
+    """The function of a test whose examples hypothesis draws, if it names their number; None of others."""
+    test = getattr(item, "obj", None)
+    test = getattr(test, "__func__", test)
+    own = getattr(test, "_hypothesis_internal_use_settings", None)
+    return test if own is not None and own.max_examples != settings().max_examples else None
+
+
+def scaled(own: settings) -> settings:
+    """The settings of a test with as many examples as the profile takes of them."""
+    return settings(own, max_examples=max(1, own.max_examples * settings().max_examples // MANY))
+
+
+@pytest.fixture(scope="session")
+def some() -> Callable[[Sequence[Any], int], list[Any]]:
+    """As many of the cases as given, spread evenly over them; all of them with the profile `many`."""
+
+    def pick(cases: Sequence[Any], count: int) -> list[Any]:
+        many = settings().max_examples >= MANY or len(cases) <= count
+        return list(cases) if many else [cases[len(cases) * k // count] for k in range(count)]
+
+    return pick
 
 
 def is_real(item: pytest.Item) -> bool:

@@ -25,7 +25,6 @@ MODULES = sorted(
 SHARED = {"CONNECT", "LISTEN", "SYSTEM", "RUN_DIR", "LOG_LEVEL", "SPEED", "SEED", "SCENE"}
 OWN = {
     "operate.cli": set(),
-    "services.executor.conformance": set(),
     "operate.pictures": set(),
     "services.executor.loop": {"SLOTS", "SCENE", "SEED", "SPEED", "BACKEND"},
     "services.supervisor": SHARED - {"LISTEN"},
@@ -47,8 +46,8 @@ def run(module: str, *arguments: str, **environment: str) -> subprocess.Complete
 
 
 def test_all_are_here() -> None:
-    """Six agents, the loop, the kit for back-ends; router, monitor, supervisor twice; pictures, wires, roco, page."""
-    assert len(MODULES) == 6 + 1 + 1 + 2 * 3 + 4
+    """Six agents, the loop; router, monitor, supervisor twice; pictures, wires, roco, page."""
+    assert len(MODULES) == 6 + 1 + 2 * 3 + 4
 
 
 @pytest.mark.parametrize("module", MODULES)

@@ -3,7 +3,7 @@
 It has no geometry and no contacts. What it shows is the face: arrays made once, torques beyond gravity, ends that stop,
 readings as encoders give them (steps of 0.1 mrad, speeds filtered over a few cycles). Every number is an estimate.
 
-    python -m services.executor.conformance point_mass:make
+    python -m pytest -p services.executor.conformance --backend point_mass:make
 """
 
 import numpy as np

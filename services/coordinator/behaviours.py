@@ -16,10 +16,10 @@ from companion.design import AgentName
 from companion.languages.cmd import TaskState
 from companion.languages.facts import Facts, Kind, fact
 from fipa_codec.performatives import Performative as P
-from services.coordinator import words
+from services.coordinator import outgoing_messages as messages
 from services.coordinator.incoming import RULE, leave, not_answering, requeued, suspend, take
 from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, parameters_wanted, turn_come
-from services.coordinator.offers import comparing, decided, offer, place
+from services.coordinator.queue import comparing, decided, offer, place
 from services.coordinator.scheduling import RULES
 
 
@@ -33,24 +33,16 @@ def await_trigger(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
 def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     """State procReq: agree to a command and queue it, or refuse it."""
     for job in memory.arrived:
-        why_not = _why_not(memory, turn, limits)
-        if why_not:
-            turn.say(job.conversation, P.REFUSE, words.report(TaskState.FAILED, why_not))
+        if memory.loose or len(memory.jobs) >= limits.waiting:
+            why = not_answering(memory, turn) if memory.loose else (fact(Kind.TASKS_OPEN, len(memory.jobs)),)
+            turn.say(job.conversation, P.REFUSE, messages.report(TaskState.FAILED, why))
             continue
         if job.command.start > turn.now:
             job = replace(job, stage=Stage.EARLY)
             turn.wake(job.conversation, job.command.start)
         memory = requeued(replace(memory, jobs=(*memory.jobs, job)), turn, limits)
-        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, (place(memory.jobs, job, turn.now),)))
+        turn.say(job.conversation, P.AGREE, messages.report(TaskState.WAITING, (place(memory.jobs, job, turn.now),)))
     return replace(memory, arrived=())
-
-
-def _why_not(memory: Memory, turn: Turn, limits: Limits) -> Facts:
-    if memory.loose:
-        return not_answering(memory, turn)
-    if len(memory.jobs) >= limits.waiting:
-        return (fact(Kind.TASKS_OPEN, len(memory.jobs)),)
-    return ()
 
 
 def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
@@ -69,28 +61,23 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
     if (asked := next((one for one in memory.jobs if one.stage is Stage.WAITING and one.talk), None)) is not None:
         turn.say(asked.talk, P.CANCEL, reply_by_s=limits.cancel_planning_s)
         return memory.with_job(replace(asked, recalled=True))
-    return _planned(memory, turn, job, limits)
-
-
-def _planned(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
-    """Request the plan of the task whose turn it is."""
     chosen = _chosen(memory, turn, job, limits) if not job.begun else ()
     job = replace(job, plans=job.plans + 1, aside=False)
     talk = _asked(turn, job, limits)
-    if job.looks < 2 or job.why != words.LOOKS:
+    if job.looks < 2 or job.why != messages.LOOKS:
         why = fact(Kind.PLAN, job.plans, *(job.why or chosen))
-        words.progress(turn, job, TaskState.PLANNING, (why,))
+        messages.progress(turn, job, TaskState.PLANNING, (why,))
     return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at=None, why=(), weighed=False))
 
 
 def _asked(turn: Turn, job: Job, limits: Limits) -> str:
-    """Return the conversation in which pl is asked for the plan of a task."""
-    network, patience_s = words.network(job), limits.planning_s
+    """Ask pl for the plan of a task; the conversation."""
+    network, patience_s = messages.network(job), limits.planning_s
     return turn.open(AgentName.PL, "request", P.REQUEST, network, reply_by_s=patience_s, parent=job.conversation)
 
 
 def _chosen(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Facts:
-    """Return why this task is the next one, where it passes one that came before it; () else. Logged with the rule."""
+    """Why this task is the next one, where it passes one that came before it; () else. Logged with the rule."""
     waiting = [one for one in memory.jobs if one.waits]
     if job.arrived <= min(one.arrived for one in waiting):
         return ()
@@ -114,8 +101,8 @@ def schedule(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     if decision is not None:
         turn.log("decision", **{**msgspec.structs.asdict(decision), "why": decision.why.kind})
         if not decision.switch and (rival := memory.of_hi(decision.rival)) is not None:
-            why = words.about(Kind.GOES_ON, running, decision.why)
-            words.progress(turn, rival, TaskState.WAITING, (why,))
+            why = messages.about(Kind.GOES_ON, running, decision.why)
+            messages.progress(turn, rival, TaskState.WAITING, (why,))
     ready = running.stage is Stage.PLANNED or (decision is not None and decision.switch)
     return replace(memory, choice=Choice.SWITCH if ready else Choice.CONTINUE)
 
@@ -136,7 +123,7 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     patience_s = limits.acting_s(plan)
     talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=patience_s, parent=job.conversation)
     takes = (fact(Kind.PLAN_TAKES, job.plans, plan.duration),)
-    words.progress(turn, job, TaskState.RUNNING, takes, words.steps(plan))
+    messages.progress(turn, job, TaskState.RUNNING, takes, messages.steps(plan))
     job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False, patience_s=patience_s, asks=False)
     if job.cancelling or job.suspending:
         leave(turn, job, limits)
@@ -144,13 +131,8 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
 
 
 def agent(limits: Limits | None = None) -> Agent[Memory]:
-    """Return the agent co."""
-    kept = limits or Limits()
+    states = (await_trigger, process_request, compute_schedule_parameters, schedule, switch_plan)
     behaviours: dict[str, Transition[Memory]] = {
-        "await_trigger": partial(await_trigger, limits=kept),
-        "process_request": partial(process_request, limits=kept),
-        "compute_schedule_parameters": partial(compute_schedule_parameters, limits=kept),
-        "schedule": partial(schedule, limits=kept),
-        "switch_plan": partial(switch_plan, limits=kept),
+        state.__name__: partial(state, limits=limits or Limits()) for state in states
     }
     return bind(AgentName.CO, Memory(), behaviours, CONDITIONS)

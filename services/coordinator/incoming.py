@@ -20,20 +20,20 @@ from companion.languages.sw import WorkerState
 from companion.sentences import operator
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
-from services.coordinator import words
+from services.coordinator import outgoing_messages as messages
 from services.coordinator.memory import Job, Limits, Memory, Stage
-from services.coordinator.offers import first_in, queued
+from services.coordinator.queue import first_in, queued
 from services.coordinator.scheduling import RULES
 
 PATIENCE = "patience"
 RULE = "rule"
 """Parameter of the design: the rule of scheduling.py by which the next task is chosen."""
 _LEFT = (WorkerState.PREEMPTED, WorkerState.REPLAN)
-"""Final states of a plan that ta was asked to leave: it left it, or it wanted a new one when the word came."""
+"""Final states of a plan that ta was asked to leave: it left it, or it wanted a new one when the cancel came."""
 
 
 def take(memory: Memory, turn: Turn, limits: Limits) -> Memory:
-    """Return the memory after the event of the turn; unchanged if it concerns no task."""
+    """The memory after the event of the turn; unchanged if it concerns no task."""
     match turn.event:
         case Received() as received:
             memory = _FROM[received.communicate.sender](memory, turn, received, limits)
@@ -46,21 +46,16 @@ def take(memory: Memory, turn: Turn, limits: Limits) -> Memory:
             memory = _out_of_patience(memory, turn)
         case Woken(name=name) if (job := memory.of_hi(name)) is not None and job.stage is Stage.EARLY:
             memory = requeued(memory.with_job(replace(job, stage=Stage.WAITING)), turn, limits)
-    return _tied_up(memory, turn)
-
-
-def requeued(memory: Memory, turn: Turn, limits: Limits) -> Memory:
-    """Return the memory with its tasks in the order in which they are done."""
-    rule = RULES[turn.parameter(RULE, str)]
-    return replace(memory, jobs=queued(memory.jobs, turn.now, rule, limits.speed))
-
-
-def _tied_up(memory: Memory, turn: Turn) -> Memory:
-    """Forget loose conversations that have ended."""
     loose = tuple(name for name in memory.loose if turn.holds(name))
     if memory.loose and not loose:
         turn.unwake(PATIENCE)
     return memory if loose == memory.loose else replace(memory, loose=loose)
+
+
+def requeued(memory: Memory, turn: Turn, limits: Limits) -> Memory:
+    """The memory with its tasks in the order in which they are done."""
+    rule = RULES[turn.parameter(RULE, str)]
+    return replace(memory, jobs=queued(memory.jobs, turn.now, rule, limits.speed))
 
 
 # --- hi ---------------------------------------------------------------------------------------------------------------
@@ -71,9 +66,7 @@ def _from_hi(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     match received.communicate.performative:
         case P.REQUEST:
             return replace(memory, arrived=(*memory.arrived, Job(name, content, turn.now)))
-        case P.CANCEL if (job := memory.of_hi(name)) is not None:
-            return cancel(memory, turn, job, limits)
-        case P.NOT_UNDERSTOOD if (job := memory.of_hi(name)) is not None:
+        case P.CANCEL | P.NOT_UNDERSTOOD if (job := memory.of_hi(name)) is not None:
             return cancel(memory, turn, job, limits)
     return memory
 
@@ -81,13 +74,13 @@ def _from_hi(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
 def cancel(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     """Cancel a task of hi: one that nobody works on ends at once, another one when pl or ta says so.
 
-    Where things of it may be in a hand, its next plan is made all the same: ta gets it, and leaves it safely.
+    Where objects of it may be in a hand, its next plan is made all the same: ta gets it, and leaves it safely.
     """
     if job.may_hold and job.stage in (Stage.PLANNING, Stage.PLANNED):
         return memory.with_job(replace(job, cancelling=True))
     if not job.talk:
         turn.unwake(job.conversation)
-        words.cancelled(turn, job, (fact(Kind.PUT_ASIDE if job.suspended else Kind.NOT_BEGUN_YET),))
+        messages.cancelled(turn, job, (fact(Kind.PUT_ASIDE if job.suspended else Kind.NOT_BEGUN_YET),))
         return memory.without_job(job)
     if not (job.cancelling or job.suspending or job.recalled):
         if job.stage is Stage.RUNNING:
@@ -105,7 +98,7 @@ def suspend(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
         return _suspended(memory, turn, job, limits)
     if job.stage is Stage.RUNNING:
         leave(turn, job, limits)
-    words.progress(turn, job, TaskState.RUNNING, _rival(memory))
+    messages.progress(turn, job, TaskState.RUNNING, _rival(memory))
     return memory.with_job(replace(job, suspending=True))
 
 
@@ -118,7 +111,7 @@ def _rival(memory: Memory) -> Facts:
     """The task for which another one is left, and why; () where it is gone."""
     decision = memory.decision
     rival = memory.of_hi(decision.task) if decision is not None else None
-    return () if rival is None or decision is None else (words.about(Kind.LEFT_FOR, rival, decision.why),)
+    return () if rival is None or decision is None else (messages.about(Kind.LEFT_FOR, rival, decision.why),)
 
 
 # --- pl ---------------------------------------------------------------------------------------------------------------
@@ -132,13 +125,19 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     if job.cancelling and not (job.left_with_plan and planned):
         return memory if turn.holds(job.talk) else _cancelled(memory, turn, job, (fact(Kind.WHILE_PLANNED),))
     if job.stage is Stage.WAITING:
-        return memory if turn.holds(job.talk) else _informed(memory, turn, job, received.content, limits)
+        if turn.holds(job.talk):
+            return memory
+        # Without a plan it goes on without schedule parameters: what cannot be planned now may be when its turn comes.
+        if planned and not job.recalled:
+            job = _with_schedule(job, received.content)
+        return requeued(memory.with_job(replace(job, talk="", recalled=False)), turn, limits)
     if isinstance(received.content, hfsm.HierarchicalPlan):
         plan = replace(received.content, rejected=())
         meant = job.meant or job.command.settled(plan)
         return memory.with_job(replace(_with_schedule(job, plan), stage=Stage.PLANNED, plan=plan, meant=meant))
     if isinstance(received.content, hfsm.NoPlan) and received.content.later and job.looks < limits.looks:
-        return _not_yet(memory, job)
+        again = replace(job, stage=Stage.WAITING, talk="", plans=job.plans - 1, looks=job.looks + 1, why=messages.LOOKS)
+        return memory.with_job(again)
     return _failed(memory, turn, job, _why(turn, received))
 
 
@@ -147,54 +146,37 @@ def _with_schedule(job: Job, plan: hfsm.HierarchicalPlan) -> Job:
     return replace(job, talk="", schedule=plan.schedule, holds=len(plan.holds), weighed=False)
 
 
-def _informed(memory: Memory, turn: Turn, job: Job, content: object, limits: Limits) -> Memory:
-    """Take schedule parameters, or go on without: what cannot be planned now may be when its turn comes."""
-    if isinstance(content, hfsm.HierarchicalPlan) and not job.recalled:
-        job = _with_schedule(job, content)
-    return requeued(memory.with_job(replace(job, talk="", recalled=False)), turn, limits)
-
-
-def _not_yet(memory: Memory, job: Job) -> Memory:
-    """Request the same plan again later, since the robot still looks around."""
-    job = replace(job, stage=Stage.WAITING, talk="", plans=job.plans - 1, looks=job.looks + 1, why=words.LOOKS)
-    return memory.with_job(job)
-
-
 # --- ta ---------------------------------------------------------------------------------------------------------------
 
 
 def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> Memory:
     said = received.content
     job = memory.of_talk(received.conversation)
+    state = said.state if isinstance(said, sw.Report) else None
     if received.communicate.performative is P.INFORM:
-        more_s = _more_time(job, said)
+        waits = state is WorkerState.WAITING and job is not None and job.leavable
+        more_s = WAIT_S + job.patience_s if waits and job is not None else None  # while its plan waits for an operator
         turn.say(received.conversation, P.CONFIRM, in_reply_to=received.communicate.reply_with, reply_by_s=more_s)
     if job is None:
         return memory
-    if isinstance(said, sw.Report) and said.state not in sw.FINAL:
+    if isinstance(said, sw.Report) and state not in sw.FINAL:
         return _on_progress(memory, turn, job, said)
-    if isinstance(said, sw.Report) and said.state is WorkerState.SUCCEEDED:
-        words.done(turn, job, said.why or (fact(Kind.TOOK, round(turn.now - job.arrived)),), said.evidence)
+    why, evidence = (said.why, said.evidence) if isinstance(said, sw.Report) else ((), ())
+    if state is WorkerState.SUCCEEDED:
+        messages.done(turn, job, why or (fact(Kind.TOOK, round(turn.now - job.arrived)),), evidence)
         return memory.without_job(job)
     if job.cancelling:
-        return _cancelled(memory, turn, job, said.why if isinstance(said, sw.Report) else ())
-    if isinstance(said, sw.Report) and said.state in _LEFT and job.suspending:
+        return _cancelled(memory, turn, job, why)
+    if state in _LEFT and job.suspending:
         return _suspended(memory, turn, job, limits)
-    if isinstance(said, sw.Report) and said.state is WorkerState.REPLAN:
-        return _on_replan(memory, turn, job, said, limits)
-    evidence = said.evidence if isinstance(said, sw.Report) else ()
-    words.failed(turn, job, _why(turn, received), evidence)
+    if state is WorkerState.REPLAN:
+        return _on_replan(memory, turn, job, why, limits)
+    messages.failed(turn, job, _why(turn, received), evidence)
     return memory.without_job(job)
 
 
-def _more_time(job: Job | None, said: object) -> float | None:
-    """Return how much time ta has from now on where its plan waits for an operator [s]; None: as much as before."""
-    waits = isinstance(said, sw.Report) and said.state is WorkerState.WAITING
-    return WAIT_S + job.patience_s if waits and job is not None and job.leavable else None
-
-
 def _why(turn: Turn, received: Received) -> Facts:
-    """Return the reason in a refusal, failure or report."""
+    """The reason in a refusal, failure or report."""
     sender = AgentName(received.communicate.sender)
     match received.content:
         case hfsm.NoPlan(why=why) | sw.Report(why=why) if why:
@@ -207,17 +189,17 @@ def _why(turn: Turn, received: Received) -> Facts:
 
 def _on_progress(memory: Memory, turn: Turn, job: Job, said: sw.Report) -> Memory:
     if said.state is WorkerState.WAITING:
-        words.asks(turn, job, said)
+        messages.asks(turn, job, said)
         return memory.with_job(replace(job, at=said.at, asks=True))
     if (said.at, said.why) == (job.at, job.why) and not job.asks:
         return memory
-    words.progress(turn, job, TaskState.RUNNING, said.why, at=said.at)
+    messages.progress(turn, job, TaskState.RUNNING, said.why, at=said.at)
     return memory.with_job(replace(job, at=said.at, why=said.why, asks=False))
 
 
-def _on_replan(memory: Memory, turn: Turn, job: Job, said: sw.Report, limits: Limits) -> Memory:
+def _on_replan(memory: Memory, turn: Turn, job: Job, why: Facts, limits: Limits) -> Memory:
     """Have the task planned again with the new observations; give up after `replans` plans."""
-    why = said.why or (fact(Kind.NEW_PLAN_WANTED),)
+    why = why or (fact(Kind.NEW_PLAN_WANTED),)
     if job.plans - job.suspended > limits.replans:
         return _failed(memory, turn, job, (fact(Kind.GIVEN_UP, job.plans, *why),))
     turn.log("replan", conversation=job.conversation, plans=job.plans, why=operator(why))
@@ -229,7 +211,7 @@ def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
     Its schedule parameters until then: the rest where it was left, and the time to be there again.
     """
-    words.progress(turn, job, TaskState.SUSPENDED, _rival(memory))
+    messages.progress(turn, job, TaskState.SUSPENDED, _rival(memory))
     here = job.parameters
     left = () if here is None else (hfsm.ScheduleParameters("", here.rest + here.resume),)
     job = replace(
@@ -244,12 +226,12 @@ def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
 
 def _cancelled(memory: Memory, turn: Turn, job: Job, why: Facts) -> Memory:
-    words.cancelled(turn, job, why)
+    messages.cancelled(turn, job, why)
     return memory.without_job(job)
 
 
 def _failed(memory: Memory, turn: Turn, job: Job, why: Facts) -> Memory:
-    words.failed(turn, job, why)
+    messages.failed(turn, job, why)
     return memory.without_job(job)
 
 
@@ -265,7 +247,7 @@ def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
         return memory.with_job(replace(job, recalled=True))
     if job.left_with_plan or not (job.cancelling or job.suspending or job.recalled):
         turn.say(job.talk, P.CANCEL)
-    words.failed(turn, job, (fact(Kind.NOT_ANSWERED, who),))
+    messages.failed(turn, job, (fact(Kind.NOT_ANSWERED, who),))
     turn.wake(PATIENCE, turn.now + limits.patience_s)
     memory = memory.without_job(job)
     return replace(memory, loose=(*memory.loose, job.talk))
@@ -291,7 +273,7 @@ def _out_of_patience(memory: Memory, turn: Turn) -> Memory:
 
 
 def not_answering(memory: Memory, turn: Turn) -> Facts:
-    """Return who is late."""
+    """Who is late."""
     late = dict.fromkeys(turn.conversation(name).peer for name in memory.loose if turn.holds(name))
     return tuple(fact(Kind.NOT_ANSWERING, peer) for peer in late or (AgentName.TA,))
 

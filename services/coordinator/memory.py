@@ -4,7 +4,7 @@ The first job is planned and run, the others wait; while it runs, pl is asked fo
 know: messages, clocks.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from enum import StrEnum
 
 import msgspec
@@ -19,9 +19,7 @@ from services.coordinator.scheduling import Decision
 class Limits(msgspec.Struct, frozen=True):
     """Waiting times of co, and its largest number of tasks. Seconds of wall time, except where `speed` scales them."""
 
-    planning_s: float = (
-        180.0  # reply-by of a request for a plan: 6 s on two cores, over 60 s at a load of 17 (measured)
-    )
+    planning_s: float = 180.0  # reply-by of a request for a plan: 6 s, over 60 s at a load of 17 (measured)
     cancel_planning_s: float = 10.0  # pl forwards only, so a cancel is taken at once (estimate)
     cancel_acting_s: float = 240.0  # two things put down and two arms home take 60 s, tried twice (measured)
     patience_s: float = 60.0  # how long tasks go on waiting when pl or ta is late (estimate)
@@ -34,7 +32,7 @@ class Limits(msgspec.Struct, frozen=True):
     speed: float = 1.0  # simulated seconds per wall second; "max" counts as 1: it is not slower (estimate)
 
     def acting_s(self, plan: hfsm.HierarchicalPlan) -> float:
-        """Return the reply-by of a plan [s from now]: five times its planned duration, at this speed, and what ta
+        """The reply-by of a plan [s from now]: five times its planned duration, at this speed, and what ta
         allows besides.
 
         Longer than what ta gives all its acts together, so that on a busy machine ta, which asks for a new plan then,
@@ -73,7 +71,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     """A task of hi. `conversation`: hi's, and the task's name; `talk`: the one with pl (PLANNING; WAITING: about its
     schedule parameters only) or ta (RUNNING).
 
-    `meant`: the task for pl since its first plan, where that plan settled which thing and hand the words mean.
+    `meant`: the task for pl since its first plan, where that plan settled which object and hand the sentence means.
     `arrived`: unix time [s]; `plans`: number requested; `at`: the place in the plan that hi was told last; `why`: the
     reason that hi was told with it, or why the next plan is wanted.
     `patience_s`: how long ta may take for the plan that runs; `asks`: that plan waits for an operator.
@@ -139,7 +137,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
         return self.schedule[number - 1] if number else next(iter(self.schedule), None)
 
     def number(self, at: hfsm.Place | None) -> int:
-        """Return the number of the plan's step at a place, the first is 1; 0 where it is none of its steps."""
+        """The number of the plan's step at a place, from 1; 0 where it is none of its steps."""
         steps = (number for number, one in enumerate(self.schedule, start=1) if at is not None and one.at == at.path[0])
         return next(steps, 0)
 
@@ -162,35 +160,30 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         return self.jobs[0] if self.jobs else None
 
     def of_hi(self, conversation: str) -> Job | None:
-        """Return the task of a conversation with hi."""
+        """The task of a conversation with hi."""
         return next((job for job in self.jobs if job.conversation == conversation), None)
 
     def of_talk(self, conversation: str) -> Job | None:
-        """Return the task of a conversation with pl or ta."""
+        """The task of a conversation with pl or ta."""
         return next((job for job in self.jobs if job.talk == conversation), None)
 
     def with_job(self, job: Job) -> "Memory":
-        """Return the memory with this task updated."""
+        """The memory with this task updated."""
         jobs = tuple(job if one.conversation == job.conversation else one for one in self.jobs)
         return msgspec.structs.replace(self, jobs=jobs)
 
     def without_job(self, job: Job) -> "Memory":
-        """Return the memory without a task that has ended."""
+        """The memory without a task that has ended."""
         jobs = tuple(one for one in self.jobs if one.conversation != job.conversation)
         return msgspec.structs.replace(self, jobs=jobs, over=True, choice=Choice.OPEN).changed()
 
     def changed(self) -> "Memory":
-        """Return the memory after the world may have changed: schedule parameters are to be asked for again."""
+        """The memory after the world may have changed: schedule parameters are to be asked for again."""
         jobs = tuple(msgspec.structs.replace(job, asked=False) for job in self.jobs)
         return msgspec.structs.replace(self, jobs=jobs)
 
 
 # --- the conditions of design.toml ------------------------------------------------------------------------------------
-
-
-def command_arrived(memory: Memory) -> bool:
-    """Whether a command of hi is not queued yet."""
-    return bool(memory.arrived)
 
 
 def plan_wanted(memory: Memory) -> bool:
@@ -205,18 +198,14 @@ def turn_come(memory: Memory) -> bool:
 
 
 def parameters_wanted(memory: Memory) -> Job | None:
-    """Return the next task to ask pl about while another one runs, unless its answer could change nothing.
+    """The next task to ask pl about while another one runs, unless its answer could change nothing.
 
     One that is to be done after another one would only be planned for a world that is not there yet.
     """
     running = memory.first
     if running is None or running.stage is not Stage.RUNNING or not running.leavable:
         return None
-    if (
-        memory.loose
-        or overtaken(memory) is not None
-        or any(job.stage is Stage.WAITING and job.talk for job in memory.jobs)
-    ):
+    if memory.loose or overtaken(memory) or any(job.stage is Stage.WAITING and job.talk for job in memory.jobs):
         return None
     free = (job for at, job in enumerate(memory.jobs) if job.waits and not job.asked and not bound(memory.jobs, at))
     return next((job for job in free if job.command.urgency == running.command.urgency), None)
@@ -228,18 +217,18 @@ def bound(jobs: tuple[Job, ...], at: int) -> bool:
 
 
 ANYTHING = "anything"
-"""Stands for the things of a command that names none."""
+"""Stands for the objects of a command that names none."""
 
 
 def comes_after(job: Job, earlier: Job) -> bool:
-    """Whether a task comes after one said earlier: both are about the same thing, or the sentence has this order."""
-    mine, others = things_of(job.command), things_of(earlier.command)
+    """Whether a task comes after one said earlier: both are about the same object, or the sentence has this order."""
+    mine, others = objects_of(job.command), objects_of(earlier.command)
     whatever = ANYTHING in mine | others and bool(mine and others)
     return job.command.after == earlier.conversation or bool(mine & others) or whatever
 
 
-def things_of(command: Command) -> frozenset[str]:
-    """Return the kinds of things that a command is about: jar and jar_1 may be the same one.
+def objects_of(command: Command) -> frozenset[str]:
+    """The kinds of objects that a command is about: jar and jar_1 may be the same one.
 
     {ANYTHING} for whatever is on the table, or in a hand; none for a look around.
     """
@@ -251,75 +240,51 @@ def things_of(command: Command) -> frozenset[str]:
 def choice_open(memory: Memory) -> bool:
     """Whether there is a plan, a more urgent task or one with new schedule parameters, and no decision on it."""
     planned = memory.first is not None and memory.first.stage is Stage.PLANNED
-    return memory.choice is Choice.OPEN and (planned or overtaken(memory) is not None or bool(unweighed(memory)))
+    return memory.choice is Choice.OPEN and (planned or overtaken(memory) or _unweighed(memory))
 
 
-def overtaken(memory: Memory) -> Job | None:
-    """Return the task that runs or could, where a more urgent one waits, and nobody has asked ta to leave it."""
+def overtaken(memory: Memory) -> bool:
+    """Whether a more urgent task waits than the one that runs or could, and nobody has asked ta to leave that."""
     job = memory.first
     if job is None or not job.leavable:
-        return None
-    waiting = [one.command.urgency for one in memory.jobs[1:] if one.waits]
-    return job if max(waiting, default=job.command.urgency) > job.command.urgency else None
+        return False
+    return any(one.waits and one.command.urgency > job.command.urgency for one in memory.jobs[1:])
 
 
-def unweighed(memory: Memory) -> tuple[Job, ...]:
-    """Return the waiting tasks with new schedule parameters, while another task runs."""
+def _unweighed(memory: Memory) -> bool:
+    """Whether a task with new schedule parameters waits, while another one runs."""
     running = memory.first
     if running is None or running.stage is not Stage.RUNNING or not running.leavable or not running.schedule:
-        return ()
-    return tuple(job for job in memory.jobs[1:] if job.waits and job.schedule and not job.weighed)
-
-
-def triggered(memory: Memory) -> bool:
-    """Whether there is something to do, or a plan has ended."""
-    return command_arrived(memory) or plan_wanted(memory) or choice_open(memory) or memory.over
-
-
-def request_stored(memory: Memory) -> bool:
-    """Whether no command waits to be queued."""
-    return not memory.arrived
-
-
-def parameters_settled(memory: Memory) -> bool:
-    """Whether no plan is awaited of pl, or a command of hi comes first."""
-    planning = memory.first is not None and memory.first.stage is Stage.PLANNING
-    return not planning or command_arrived(memory)
-
-
-def decided(memory: Memory) -> bool:
-    """Whether the decision was made."""
-    return memory.choice is not Choice.OPEN
-
-
-def switch(memory: Memory) -> bool:
-    """Whether the decision is switch."""
-    return memory.choice is Choice.SWITCH
-
-
-def switched(memory: Memory) -> bool:
-    """Whether ta has the plan."""
-    return memory.choice is not Choice.SWITCH
+        return False
+    return any(job.waits and job.schedule and not job.weighed for job in memory.jobs[1:])
 
 
 def switch_failed(memory: Memory) -> bool:
     """Whether there is no plan to switch to."""
     planned = memory.first is not None and memory.first.stage is Stage.PLANNED
-    return switch(memory) and not planned and (memory.first is None or not memory.first.leavable)
+    return memory.choice is Choice.SWITCH and not planned and (memory.first is None or not memory.first.leavable)
 
 
-CONDITIONS = {
-    condition.__name__: condition
-    for condition in (
-        command_arrived,
-        plan_wanted,
-        choice_open,
-        triggered,
-        request_stored,
-        parameters_settled,
-        decided,
-        switch,
-        switched,
-        switch_failed,
-    )
+def triggered(memory: Memory) -> bool:
+    """Whether there is something to do, or a plan has ended."""
+    return bool(memory.arrived) or plan_wanted(memory) or choice_open(memory) or memory.over
+
+
+def parameters_settled(memory: Memory) -> bool:
+    """Whether no plan is awaited of pl, or a command of hi comes first."""
+    planning = memory.first is not None and memory.first.stage is Stage.PLANNING
+    return not planning or bool(memory.arrived)
+
+
+CONDITIONS: dict[str, Callable[[Memory], bool]] = {
+    "command_arrived": lambda memory: bool(memory.arrived),
+    "plan_wanted": plan_wanted,
+    "choice_open": choice_open,
+    "triggered": triggered,
+    "request_stored": lambda memory: not memory.arrived,
+    "parameters_settled": parameters_settled,
+    "decided": lambda memory: memory.choice is not Choice.OPEN,
+    "switch": lambda memory: memory.choice is Choice.SWITCH,
+    "switched": lambda memory: memory.choice is not Choice.SWITCH,
+    "switch_failed": switch_failed,
 }

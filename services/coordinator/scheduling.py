@@ -39,7 +39,7 @@ class Offer(msgspec.Struct, frozen=True):
     clear: float = 0.0
 
     def cost(self, now: float, ended: float) -> float:
-        """Return the cost of the time from now until its end, both unix time [s]."""
+        """The cost of the time from now until its end, both unix time [s]."""
         per_s = 1.0 + max(0.0, now - self.arrived) / AGEING_S
         return per_s * (ended - now) + LATE * max(0.0, ended - max(now, self.deadline))
 
@@ -103,7 +103,7 @@ def first_come(running: Offer | None, waiting: tuple[Offer, ...], now: float) ->
 
 
 def in_order(offers: tuple[Offer, ...], now: float, rule: Rule) -> tuple[str, ...]:
-    """Return the tasks in the order in which a rule takes them up, as things are now."""
+    """The tasks in the order in which a rule takes them up, as things are now."""
     names: list[str] = []
     while (decision := rule(None, offers, now)) is not None:
         names.append(decision.task)
@@ -115,7 +115,7 @@ RULES: dict[str, Rule] = {"costs": by_costs, "deadline": by_deadline, "first-com
 
 
 def _by_urgency(running: Offer | None, waiting: tuple[Offer, ...]) -> Decision | tuple[Offer, ...] | None:
-    """Return the decision where urgency settles it, else those that wait and are as urgent as any; None for no task."""
+    """The decision where urgency settles it, else those that wait and are as urgent as any; None for no task."""
     if not waiting:
         return None if running is None else Decision(running.task, fact(Kind.NOTHING_ELSE_WAITS))
     most = max(one.urgency for one in waiting)
@@ -133,7 +133,7 @@ def _by_urgency(running: Offer | None, waiting: tuple[Offer, ...]) -> Decision |
 
 def _cost_first(first: Offer, offers: Iterable[Offer], now: float) -> float:
     """The cost of all where this one is done first and each other one right after it."""
-    others = 0.0
+    others = 0.0  # added one by one: sum() of floats gives other last digits since Python 3.12, and co's log replays
     for one in offers:
         if one.task != first.task:
             others += one.cost(now, now + first.rest + one.rest)

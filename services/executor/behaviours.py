@@ -20,7 +20,7 @@ from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.rc import NotDoneKind
 from fipa_codec.performatives import Performative
-from services.executor import local, words
+from services.executor import local, outgoing_messages
 from services.executor.acting import PATIENCE, follow, logged, lost, over, start
 from services.executor.local import Brake, ByRays, Crashed, Drop, Ended, Felt, Halt, Lost, Move, Perform, Stands, Where
 from services.executor.memory import CONDITIONS, Act, Memory, Soft
@@ -70,7 +70,7 @@ def await_act(memory: Memory, turn: Turn) -> Memory:
     """State idle: take the next act; refuse one that was started before or is impossible, and say why."""
     match turn.event:
         case Received(content=command) as received if isinstance(command, rc.Command):
-            if wrong := words.wrong(command):
+            if wrong := outgoing_messages.wrong(command):
                 turn.log("a command makes no sense", level="warning", reason=wrong.text)
                 why = fact(Kind.BAD_COMMAND, wrong.field)
             elif command.key == memory.last:
@@ -78,7 +78,7 @@ def await_act(memory: Memory, turn: Turn) -> Memory:
             else:
                 act = Act(received.conversation, command)
                 return replace(memory, number=memory.number + 1, act=act, soft=Soft())
-            words.refuse(turn, received.conversation, command, NotDoneKind.REFUSED, (why,))
+            outgoing_messages.refuse(turn, received.conversation, command, NotDoneKind.REFUSED, (why,))
         case _:
             memory = _declined(memory, turn)
     return memory
@@ -88,7 +88,7 @@ def _declined(memory: Memory, turn: Turn) -> Memory:
     """Refuse a second act, and any subscription: readings are not published yet."""
     match turn.event:
         case Received(content=command) as received if isinstance(command, rc.Command):
-            words.refuse(turn, received.conversation, command, NotDoneKind.BUSY, (fact(Kind.BUSY, "ex"),))
+            outgoing_messages.refuse(turn, received.conversation, command, NotDoneKind.BUSY, (fact(Kind.BUSY, "ex"),))
         case Received(communicate=word) as received if word.performative is Performative.SUBSCRIBE:
             turn.say(received.conversation, Performative.REFUSE)
     return memory
@@ -110,7 +110,7 @@ def prepare_act(memory: Memory, turn: Turn) -> Memory:
             turn.tell(Perform(number, act.command, memory.remembered, felt))
             return replace(memory, soft=replace(memory.soft, felt=felt))
         case Local(content=Move(number=number) as move) if number == memory.number:
-            words.agree(turn, act, move.expected)
+            outgoing_messages.agree(turn, act, move.expected)
             act = replace(act, begun=True)
             soft = replace(memory.soft, motion=move.motion)
             return replace(memory, act=act, remembered=move.remembered, soft=soft)
@@ -230,7 +230,7 @@ def report_act(memory: Memory, turn: Turn) -> Memory:
     act = _required(memory)
     turn.unwake(PATIENCE)
     if turn.holds(act.conversation):
-        words.report(turn, act)
+        outgoing_messages.report(turn, act)
     else:
         turn.log("nobody waits for the outcome", level="warning", key=act.command.key)
     return replace(memory, act=None, last=act.command.key, soft=Soft())

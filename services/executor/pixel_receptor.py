@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.one_reader import OneReaderQueue
-from companion.skills.sight import Neck, Sight
+from companion.skills.situation import Neck, Sight
 from services.executor.local import Array
 from services.executor.looks import Blind, Saw, See, Thing
 from services.executor.renderer import ENTRY, Renderer

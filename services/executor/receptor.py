@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from companion.skills.sight import Neck, Sight
+from companion.skills.situation import Neck, Sight
 from services.executor.looks import uncertainty
 from velma import names
 from velma.eyes import content

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from companion.languages import rc, rs
 from companion.languages.facts import Facts
 from companion.languages.values import BodyPosture, Pose, Side
-from companion.skills.unfinished import Unfinished
+from companion.skills.situation import Unfinished
 
 
 class Holding(msgspec.Struct, frozen=True):

@@ -13,7 +13,7 @@ from companion.languages import rc
 from companion.models import KNOWN_AS
 from companion.skills.loop_messages import Cancel, LookAgain, Motion, Phase
 from companion.skills.performing import Performance
-from companion.skills.sight import Eye
+from companion.skills.situation import Eye
 from companion.skills.skill import Asked, Sensed
 from services.executor.local import Array
 from services.executor.loop.core import LoopCore

@@ -17,8 +17,7 @@ from companion.languages import rc, rs
 from companion.languages.values import Pose, Side
 from companion.skills.loop_messages import Cancel, LookAgain, Motion
 from companion.skills.performing import perform
-from companion.skills.sight import Eye, Neck, Sight
-from companion.skills.situation import Held, Situation, beginning
+from companion.skills.situation import Eye, Held, Neck, Sight, Situation, beginning
 from companion.skills.skill import Asked, Sensed
 from services.executor import simulation
 from services.executor.acting import duration

@@ -17,12 +17,12 @@ from companion.languages.cmd import TaskState
 from companion.languages.facts import Kind, fact
 from companion.run_files import ANSWERED, QUESTION, REFUSED, RELEASED, STOPPED, HiEvent, InWords, Question, TaskLine
 from fipa_codec.performatives import Performative as P
-from services.human_interface import answers, local, offers, words
+from services.human_interface import answers, local, offers, outgoing_messages
 from services.human_interface.catalogue import LANGUAGES, say
 from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
 from services.human_interface.memory import CONDITIONS, FINAL, Memory, News
+from services.human_interface.outgoing_messages import REACHABLE, UNREACHABLE
 from services.human_interface.wishes import Act, Ask, Tell, in_words, outcome, with_mentioned, without
-from services.human_interface.words import REACHABLE, UNREACHABLE
 
 ANSWER_WITHIN_S = (
     10.0  # estimate: co agrees within milliseconds; one that hangs is killed after 6 s (docs/run-folder.md)
@@ -41,11 +41,11 @@ def listen(memory: Memory, turn: Turn) -> Memory:
             return replace(memory, words=(*memory.words, word))
         case Received() as received:
             turn.unwake(received.conversation)
-            news = words.news(memory, turn, received)
+            news = outgoing_messages.news(memory, turn, received)
             return _after(_answered(memory), turn, *news).with_news(*news)
         case Broken(conversation=name, reason=why):
             turn.log("broken", conversation=name, reason=why)
-            return memory.with_news(words.failed(name, fact(Kind.BROKE_OFF, AgentName.CO)))
+            return memory.with_news(outgoing_messages.failed(name, fact(Kind.BROKE_OFF, AgentName.CO)))
         case Woken(name=task) if turn.holds(task) and not memory.away:
             return _unanswered(memory, task)
         case Started():
@@ -215,7 +215,7 @@ def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Command, ...])
 
 def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Command) -> tuple[Memory, str]:
     """Request a task. Return the memory and the name of the task."""
-    name = words.ask(turn, task)
+    name = outgoing_messages.ask(turn, task)
     turn.wake(name, turn.now + ANSWER_WITHIN_S)
     text = _i_will((task,), word, turn.now)
     wish = InWords(in_words((task,)), in_words((task,), "pl"))

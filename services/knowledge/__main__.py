@@ -4,13 +4,13 @@ from agent_runtime.io import cli, shell
 from agent_runtime.io.options import Options
 from companion.binding import wiring
 from companion.design import AgentName
-from services.knowledge import store_device
 from services.knowledge.behaviours import agent
+from services.knowledge.store import device_at
 
 
 def serve(options: Options) -> int:
     """Run until a signal; return the exit code."""
-    device = store_device.at(options.run_dir / "knowledge")
+    device = device_at(options.run_dir / "knowledge")
     return shell.run(agent(), wiring(AgentName.KM, options.system), options, device)
 
 

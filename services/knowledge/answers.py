@@ -11,19 +11,18 @@ from typing import Any
 from companion.languages import wm
 from companion.languages.facts import Fact, Kind, fact
 from companion.languages.facts import fitting as short
-from companion.languages.values import Pose
+from companion.languages.values import Pose, Shape
 from companion.models import GRASPS, REACH, Model, fitting
 from services.knowledge import geometry
 from services.knowledge.extents import cells, extent
 from services.knowledge.overlays import Overlays
-from services.knowledge.scene import Scene, Thing
-from services.knowledge.store import Store
+from services.knowledge.scene import Scene, SceneObject
 from services.knowledge.subjects import below, is_kind
 
 CONTENT = ".content"
 """`jar_1.content` is the name of what was in jar_1."""
 LARGEST_WHY = 300
-"""Bytes of the reason: 500 hold it with its envelope. The names of very many things do not fit and are left out."""
+"""Bytes of the reason: 500 hold it with its envelope. The names of very many objects do not fit and are left out."""
 _WORLD = Pose((0.0, 0.0, 0.0))
 
 
@@ -35,13 +34,8 @@ class _NotKnown(Exception):
         super().__init__(*(one.kind for one in why))
 
 
-def answer(store: Store, query: wm.AnyQuery, overlays: Overlays | None = None) -> wm.AnyAnswer:
-    """Return the answer from the store and the hypothetical states; change neither."""
-    return ask(store.scene, overlays or Overlays(), query)[1]
-
-
 def ask(observed: Scene, overlays: Overlays, query: wm.AnyQuery) -> tuple[Overlays, wm.AnyAnswer]:
-    """Return the hypothetical states after the query, and the answer."""
+    """The hypothetical states after the query, and the answer."""
     if isinstance(query, wm.HypotheticalState):
         return overlays.make(query, observed)
     if isinstance(query, wm.DropStates):
@@ -62,53 +56,41 @@ def _list_objects(scene: Scene, query: wm.ListObjects) -> wm.AnyAnswer:
 
 
 def _object_pose(scene: Scene, query: wm.ObjectPose) -> wm.AnyAnswer:
-    thing = _thing(scene, query.object)
-    return wm.PoseOf(thing.id, thing.pose, thing.exact, thing.on, scene.holder(thing.id))
+    one = _object(scene, query.object)
+    return wm.PoseOf(one.id, one.pose, one.exact, one.on, scene.holder(one.id))
 
 
 def _object_origin(scene: Scene, query: wm.ObjectOrigin) -> wm.AnyAnswer:
-    thing = _thing(scene, query.object)
-    if thing.origin is None:
-        raise _NotKnown(fact(Kind.FIRST_PLACE_UNKNOWN, thing.id))
-    return wm.PoseOf(thing.id, thing.origin.pose, exact=True, on=thing.origin.on)
+    one = _object(scene, query.object)
+    if one.origin is None:
+        raise _NotKnown(fact(Kind.FIRST_PLACE_UNKNOWN, one.id))
+    return wm.PoseOf(one.id, one.origin.pose, exact=True, on=one.origin.on)
 
 
 def _object_model(scene: Scene, query: wm.ObjectModel) -> wm.AnyAnswer:
-    thing = _thing(scene, query.object)
-    return _model(thing).of(thing.id)
-
-
-def _moveable(scene: Scene, query: wm.MoveableObjects) -> wm.AnyAnswer:
-    return _objects(thing for thing in scene.things.values() if thing.moveable)
-
-
-def _static(scene: Scene, query: wm.StaticObjects) -> wm.AnyAnswer:
-    return _objects(thing for thing in scene.things.values() if not thing.moveable)
+    one = _object(scene, query.object)
+    return _model(one).of(one.id)
 
 
 def _hole(scene: Scene, query: wm.ObjectHole) -> wm.AnyAnswer:
-    thing = _thing(scene, query.object)
-    hole = _model(thing).hole
+    one = _object(scene, query.object)
+    hole = _model(one).hole
     if hole is None:
-        raise _NotKnown(fact(Kind.NO_OPENING, thing.id))
-    return wm.Hole(thing.id, hole.centre, hole.radius, hole.axis)
+        raise _NotKnown(fact(Kind.NO_OPENING, one.id))
+    return wm.Hole(one.id, hole.centre, hole.radius, hole.axis)
 
 
 def _surfaces(scene: Scene, query: wm.FlatSurfaces) -> wm.AnyAnswer:
-    things = [_thing(scene, query.object)] if query.object else scene.things.values()
-    return wm.Surfaces(
-        tuple(
-            wm.Surface(thing.id, geometry.compose(thing.pose, Pose(flat.centre)), (flat.along_x, flat.along_y))
-            for thing in things
-            for flat in (thing.known.surfaces if thing.known else ())
-        )
-    )
+    objects = [_object(scene, query.object)] if query.object else scene.things.values()
+    found = ((one, flat) for one in objects for flat in (one.known.surfaces if one.known else ()))
+    placed = ((one.id, geometry.compose(one.pose, Pose(flat.centre)), flat) for one, flat in found)
+    return wm.Surfaces(tuple(wm.Surface(name, pose, (flat.along_x, flat.along_y)) for name, pose, flat in placed))
 
 
 def _current_grasp(scene: Scene, query: wm.CurrentGrasp) -> wm.AnyAnswer:
     side = scene.holder(query.object) if query.object else None
     if side is None:
-        return wm.GraspOf(_thing(scene, query.object).id)
+        return wm.GraspOf(_object(scene, query.object).id)
     held = scene.hands[side]
     return wm.GraspOf(held.object, side, held.grasp, held.pose)
 
@@ -121,83 +103,62 @@ def _grasp_at_side(scene: Scene, query: wm.GraspAtSide) -> wm.AnyAnswer:
 
 
 def _grasp_set(scene: Scene, query: wm.GraspSet) -> wm.AnyAnswer:
-    thing = _thing(scene, query.object)
-    return wm.Grasps(thing.id, fitting(_grasps(thing), thing.pose))
+    one = _object(scene, query.object)
+    return wm.Grasps(one.id, fitting(_grasps(one), one.pose))
 
 
 def _grasp_definition(scene: Scene, query: wm.GraspDefinition) -> wm.AnyAnswer:
-    thing = _thing(scene, query.object)
-    found = tuple(grasp for grasp in _grasps(thing) if grasp.id == query.grasp)
+    one = _object(scene, query.object)
+    found = tuple(grasp for grasp in _grasps(one) if grasp.id == query.grasp)
     if not found:
         raise _NotKnown(fact(Kind.UNKNOWN_TO_KM, query.grasp))
-    return wm.Grasps(thing.id, found)
-
-
-def _arm(scene: Scene, query: wm.ArmConfiguration) -> wm.AnyAnswer:
-    return _joints(scene, f"{query.side.value}_arm")
-
-
-def _torso(scene: Scene, query: wm.TorsoConfiguration) -> wm.AnyAnswer:
-    return _joints(scene, "torso")
-
-
-def _head(scene: Scene, query: wm.HeadConfiguration) -> wm.AnyAnswer:
-    return _joints(scene, "head")
-
-
-def _gripper(scene: Scene, query: wm.GripperConfiguration) -> wm.AnyAnswer:
-    return _joints(scene, f"{query.side.value}_hand")
+    return wm.Grasps(one.id, found)
 
 
 def _environment(scene: Scene, query: wm.EnvironmentShapes) -> wm.AnyAnswer:
-    """Return the shapes around the robot. Held objects are left out, since they move with the robot."""
-    return wm.Shapes(
-        tuple(
-            wm.PlacedShape(thing.id, thing.pose, thing.known.shapes)
-            for thing in scene.things.values()
-            if thing.known and thing.id not in query.ignored and scene.holder(thing.id) is None
-        )
-    )
+    """The shapes around the robot. Held objects are left out, since they move with the robot."""
+    around = (one for one in scene.things.values() if one.id not in query.ignored and scene.holder(one.id) is None)
+    return wm.Shapes(tuple(wm.PlacedShape(one.id, one.pose, one.known.shapes) for one in around if one.known))
 
 
 def _collisions(scene: Scene, query: wm.CollisionsInVolume) -> wm.AnyAnswer:
     box = geometry.bounds(query.volume, _WORLD)
     near = scene.marked.near(cells(box)) - set(query.ignored)
-    found = (thing for name, thing in scene.things.items() if name in near and scene.holder(name) is None)
-    return _objects(thing for thing in found if _reaches_into(thing, query.volume, box))
+    found = (one for name, one in scene.things.items() if name in near and scene.holder(name) is None)
+    return _objects(one for one in found if _reaches_into(one, query.volume, box))
+
+
+def _reaches_into(one: SceneObject, volume: Shape, box: geometry.Bounds) -> bool:
+    around = extent(one.model, one.pose)
+    if around is not None and geometry.apart(around, box):
+        return False
+    shapes = one.known.shapes if one.known else ()
+    return any(geometry.overlap(shape, one.pose, volume, _WORLD) for shape in shapes)
 
 
 def _reserved(scene: Scene, query: wm.ReservedSpace) -> wm.AnyAnswer:
     return wm.Shapes(tuple(wm.PlacedShape(name, _WORLD, (volume,)) for name, volume in scene.reserved.items()))
 
 
-def _reach(scene: Scene, query: wm.RobotReach) -> wm.AnyAnswer:
-    return REACH[query.side]
-
-
 def _holds(scene: Scene, query: wm.Holds) -> wm.AnyAnswer:
     if query.relation not in list(wm.Relation):
         raise _NotKnown(fact(Kind.UNKNOWN_TO_KM, query.relation))
     if query.relation == wm.Relation.IS_IN and query.subject.endswith(CONTENT):
-        source = _thing(scene, query.subject.removesuffix(CONTENT)).id
+        source = _object(scene, query.subject.removesuffix(CONTENT)).id
         return wm.Truth(_among(scene.contents.get(source, ""), query.value))
-    thing = _thing(scene, query.subject)
-    return wm.Truth(_true_of(scene, thing, query))
-
-
-def _true_of(scene: Scene, thing: Thing, query: wm.Holds) -> bool:
+    one = _object(scene, query.subject)
     match query.relation:
         case wm.Relation.IS_IN:
-            return query.value in thing.inside if query.value else bool(thing.inside)
+            return wm.Truth(query.value in one.inside if query.value else bool(one.inside))
         case wm.Relation.IS_ON:
-            return _among(thing.on, query.value)
+            return wm.Truth(_among(one.on, query.value))
         case wm.Relation.IS_GRASPED_BY:
-            side = scene.holder(thing.id)
-            return _among(side.value if side else "", query.value.removesuffix("_hand"))
+            side = scene.holder(one.id)
+            return wm.Truth(_among(side.value if side else "", query.value.removesuffix("_hand")))
         case wm.Relation.IS_INSTANCE_OF:
-            return not query.value or query.value == thing.model or is_kind(thing.kind, query.value)
+            return wm.Truth(not query.value or query.value == one.model or is_kind(one.kind, query.value))
         case _:
-            return thing.exact
+            return wm.Truth(one.exact)
 
 
 def _among(found: str, wanted: str) -> bool:
@@ -205,31 +166,35 @@ def _among(found: str, wanted: str) -> bool:
     return bool(found) and wanted in ("", found)
 
 
-def _thing(scene: Scene, name: str) -> Thing:
+# --- parts of answers -------------------------------------------------------------------------------------------------
+
+
+def _object(scene: Scene, name: str) -> SceneObject:
+    """The object with this id, or the first of this class."""
     if name in scene.things:
         return scene.things[name]
     for known in scene.things.values():
         if name == known.kind.lower():
             return known
-    for thing, lost in scene.lost.items():
-        if name in (thing, lost.kind.lower()):
+    for id, lost in scene.lost.items():
+        if name in (id, lost.kind.lower()):
             if lost.side is None:
-                raise _NotKnown(fact(Kind.NOT_SEEN_SINCE, thing))
-            raise _NotKnown(fact(Kind.GIVEN_AWAY if lost.given else Kind.LOST_SINCE, lost.side, thing))
+                raise _NotKnown(fact(Kind.NOT_SEEN_SINCE, id))
+            raise _NotKnown(fact(Kind.GIVEN_AWAY if lost.given else Kind.LOST_SINCE, lost.side, id))
     seen = fact(Kind.SEEN, *sorted(scene.things)) if scene.things else fact(Kind.SEEN_NOTHING)
     raise _NotKnown(fact(Kind.NOT_SEEN, name), seen)
 
 
-def _model(thing: Thing) -> Model:
-    if thing.known is None:
-        raise _NotKnown(fact(Kind.UNKNOWN_TO_KM, thing.model))
-    return thing.known
+def _model(one: SceneObject) -> Model:
+    if one.known is None:
+        raise _NotKnown(fact(Kind.UNKNOWN_TO_KM, one.model))
+    return one.known
 
 
-def _grasps(thing: Thing) -> tuple[wm.GraspDef, ...]:
-    if thing.model not in GRASPS:
-        raise _NotKnown(fact(Kind.NO_KNOWN_GRASP, thing.id))
-    return GRASPS[thing.model]
+def _grasps(one: SceneObject) -> tuple[wm.GraspDef, ...]:
+    if one.model not in GRASPS:
+        raise _NotKnown(fact(Kind.NO_KNOWN_GRASP, one.id))
+    return GRASPS[one.model]
 
 
 def _joints(scene: Scene, part: str) -> wm.Configuration:
@@ -238,16 +203,8 @@ def _joints(scene: Scene, part: str) -> wm.Configuration:
     return wm.Configuration(scene.joints[part])
 
 
-def _objects(things: Iterable[Thing]) -> wm.Objects:
-    return wm.Objects(tuple(wm.Object(thing.id, thing.model, thing.kind) for thing in things))
-
-
-def _reaches_into(thing: Thing, volume: Any, box: geometry.Bounds) -> bool:
-    around = extent(thing.model, thing.pose)
-    if around is not None and geometry.apart(around, box):
-        return False
-    shapes = thing.known.shapes if thing.known else ()
-    return any(geometry.overlap(shape, thing.pose, volume, _WORLD) for shape in shapes)
+def _objects(objects: Iterable[SceneObject]) -> wm.Objects:
+    return wm.Objects(tuple(wm.Object(one.id, one.model, one.kind) for one in objects))
 
 
 ANSWERS: dict[type, Callable[[Scene, Any], wm.AnyAnswer]] = {
@@ -255,22 +212,22 @@ ANSWERS: dict[type, Callable[[Scene, Any], wm.AnyAnswer]] = {
     wm.ObjectPose: _object_pose,
     wm.ObjectOrigin: _object_origin,
     wm.ObjectModel: _object_model,
-    wm.MoveableObjects: _moveable,
-    wm.StaticObjects: _static,
+    wm.MoveableObjects: lambda scene, query: _objects(one for one in scene.things.values() if one.moveable),
+    wm.StaticObjects: lambda scene, query: _objects(one for one in scene.things.values() if not one.moveable),
     wm.ObjectHole: _hole,
     wm.FlatSurfaces: _surfaces,
     wm.CurrentGrasp: _current_grasp,
     wm.GraspAtSide: _grasp_at_side,
     wm.GraspSet: _grasp_set,
     wm.GraspDefinition: _grasp_definition,
-    wm.ArmConfiguration: _arm,
-    wm.TorsoConfiguration: _torso,
-    wm.HeadConfiguration: _head,
-    wm.GripperConfiguration: _gripper,
+    wm.ArmConfiguration: lambda scene, query: _joints(scene, f"{query.side.value}_arm"),
+    wm.TorsoConfiguration: lambda scene, query: _joints(scene, "torso"),
+    wm.HeadConfiguration: lambda scene, query: _joints(scene, "head"),
+    wm.GripperConfiguration: lambda scene, query: _joints(scene, f"{query.side.value}_hand"),
     wm.EnvironmentShapes: _environment,
     wm.CollisionsInVolume: _collisions,
     wm.ReservedSpace: _reserved,
-    wm.RobotReach: _reach,
+    wm.RobotReach: lambda scene, query: REACH[query.side],
     wm.Holds: _holds,
 }
 """Queries that read a state."""

@@ -15,8 +15,7 @@ import msgspec
 import pyoxigraph as ox
 
 from companion.asking import PREFIXES, Answer, Question, Refused, Rows, Term, Triple, Verdict
-from services.knowledge.beliefs import believed
-from services.knowledge.dataset import dataset
+from services.knowledge.beliefs import believed, dataset
 
 MEMORY_BYTES = 2 * 1024**3
 """Beside a robot's own processes; estimate. A recording of a pour and its answer take a tenth of it."""
@@ -25,7 +24,7 @@ _SERVICE = re.compile("service", re.IGNORECASE)
 
 
 def answer(question: Question) -> Answer:
-    """The answer, from what km had heard; the time of the query is bounded by the process's end."""
+    """The answer, from what km had received."""
     text, triples = question.text, dataset(believed(question.heard), question.begin)
     bound(question.seconds)
     try:
@@ -33,7 +32,7 @@ def answer(question: Question) -> Answer:
             return Refused(
                 "SERVICE asks another store over the network, and `roco ask` asks only this one; leave the word away"
             )
-        return _told(triples.query(text, prefixes=PREFIXES), question.rows)
+        return _answer(triples.query(text, prefixes=PREFIXES), question.rows)
     except SyntaxError as error:
         if is_update(text):
             return Refused(
@@ -80,7 +79,7 @@ def bound(seconds: float) -> None:
     signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
-def _told(found: ox.QuerySolutions | ox.QueryBoolean | ox.QueryTriples, most: int) -> Answer:
+def _answer(found: ox.QuerySolutions | ox.QueryBoolean | ox.QueryTriples, most: int) -> Answer:
     if isinstance(found, ox.QueryBoolean):
         return Verdict(bool(found))
     if isinstance(found, ox.QueryTriples):
@@ -108,11 +107,6 @@ def _term(value: object) -> Term:
     raise TypeError(f"a {type(value).__name__} is no value of a row")
 
 
-def main() -> None:
-    """Answer once."""
+if __name__ == "__main__":
     question = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=Question)
     sys.stdout.buffer.write(msgspec.msgpack.encode(answer(question)))
-
-
-if __name__ == "__main__":
-    main()

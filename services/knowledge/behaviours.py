@@ -18,12 +18,12 @@ from companion.design import AgentName
 from companion.languages import wm
 from companion.languages.facts import Facts, Kind, fact, fitting
 from fipa_codec.performatives import Performative
-from services.knowledge import words
+from services.knowledge import outgoing_messages
 from services.knowledge.answers import LARGEST_WHY, ask
 from services.knowledge.memory import CONDITIONS, Memory, Mirror, News, Question
 from services.knowledge.observe import forgotten, observed
+from services.knowledge.outgoing_messages import OBSERVATIONS, OBSERVER, QUERIES
 from services.knowledge.overlays import Overlays
-from services.knowledge.words import OBSERVATIONS, OBSERVER, QUERIES
 
 HELD_S = 5.0  # estimate: a look around takes 5 s, so that most questions are put off once at most
 ALONE_S = 20.0  # estimate: an observer that died is restarted within seconds
@@ -55,11 +55,14 @@ def await_message(memory: Memory, turn: Turn) -> Memory:
         case Received(content=content) as received if isinstance(content, QUERIES):
             return _soft(memory, question=Question(received.conversation, content))
         case Received(content=content) as received if isinstance(content, OBSERVATIONS):
-            return _noted(memory, turn, received, content)
+            if (parsed := parse_observation(received.communicate.id)) is not None:
+                return _soft(memory, news=News(content, parsed[1], turn.now))
+            turn.log("observation without a version", level="warning", id=received.communicate.id)
+            return memory
         case PeerChanged(agent=agent, incarnation=incarnation) if agent == OBSERVER:
             return _alone(memory, turn) if incarnation is None else _met(memory, turn, incarnation)
-        case Received(communicate=word) as received if received.conversation == memory.soft.subscription:
-            return (_agreed if word.performative is Performative.AGREE else _declined)(memory, turn)
+        case Received(communicate=message) as received if received.conversation == memory.soft.subscription:
+            return (_agreed if message.performative is Performative.AGREE else _declined)(memory, turn)
         case Broken(conversation=conversation) if conversation == memory.soft.subscription:
             return _declined(memory, turn)
         case Woken(name=name):
@@ -104,7 +107,7 @@ def _subscribed(memory: Memory, turn: Turn, incarnation: int) -> Memory:
     """Subscribe; this replaces an older subscription."""
     if memory.soft.subscription:
         turn.drop(memory.soft.subscription)
-    return _soft(memory, subscription=words.subscribe(turn), incarnation=incarnation, agreed=False)
+    return _soft(memory, subscription=outgoing_messages.subscribe(turn), incarnation=incarnation, agreed=False)
 
 
 def _agreed(memory: Memory, turn: Turn) -> Memory:
@@ -127,14 +130,6 @@ def _declined(memory: Memory, turn: Turn) -> Memory:
 # --- what was taken ---------------------------------------------------------------------------------------------------
 
 
-def _noted(memory: Memory, turn: Turn, received: Received, content: wm.AnyObservation) -> Memory:
-    parsed = parse_observation(received.communicate.id)
-    if parsed is None:
-        turn.log("observation without a version", level="warning", id=received.communicate.id)
-        return memory
-    return _soft(memory, news=News(content, parsed[1], turn.now))
-
-
 def answer_question(memory: Memory, turn: Turn) -> Memory:
     """State questionAnswering: answer from the scene and the hypothetical states, or "later"."""
     question = memory.soft.question
@@ -147,14 +142,14 @@ def answer_question(memory: Memory, turn: Turn) -> Memory:
     elif isinstance(said, wm.Unknown) and not said.later:
         asked = str(question.query)[:LONGEST]
         turn.log("not known", conversation=question.conversation, asked=asked, why=sentences.operator(said.why))
-    words.answer(turn, question, said)
+    outgoing_messages.answer(turn, question, said)
     return _soft(memory, overlays=overlays, question=None, held=False)
 
 
 def answer(memory: Memory, query: wm.AnyQuery) -> tuple[Overlays, wm.AnyAnswer]:
-    """Return the hypothetical states after the query, and the answer; why, if nothing was seen."""
+    """The hypothetical states after the query, and the answer; why, if nothing was seen."""
     if memory.patient:
-        return memory.soft.overlays, words.NOT_YET
+        return memory.soft.overlays, outgoing_messages.NOT_YET
     if memory.blind and not memory.scene.things and isinstance(query, wm.ListObjects):
         why = fact(Kind.NOT_LOOKED_AROUND, fitting(memory.blind, LARGEST_WHY))
         return memory.soft.overlays, wm.Unknown((why,))

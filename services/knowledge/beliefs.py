@@ -1,10 +1,10 @@
-"""Beliefs of km at a time, and their sources, from the communicates it heard and said.
+"""Beliefs of km at a time, and their sources, from the messages it received and sent; as an RDF dataset for questions.
 
 Each observation makes facts true and ends others; a fact's source is the observation since which it has been true.
-Made by km's own functions from a recording, without km. Must not know: where communicates come from, SPARQL.
+Made by km's own functions from a recording, without km. Must not know: where messages come from, SPARQL.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import msgspec
 import pyoxigraph as ox
@@ -18,7 +18,7 @@ from fipa_codec.errors import FipaError
 from services.knowledge.observe import observed, subject_of
 from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene
-from services.knowledge.subjects import Subject, differing, subjects
+from services.knowledge.subjects import TYPE, Subject, differing, node, read, subjects, term
 
 
 class Source(msgspec.Struct, frozen=True):
@@ -49,7 +49,7 @@ class Beliefs:
         self._asked: dict[str, tuple[wm.HypotheticalState | wm.DropStates, Source]] = {}
 
     def hear(self, one: Heard) -> None:
-        """Take what km heard or said next; contents that cannot be read are left out, as km does."""
+        """Take what km received or sent next; contents that cannot be read are left out, as km does."""
         if not one.wire:
             self.overlays, self.states, self._asked = Overlays(), {}, {}
             return
@@ -97,18 +97,76 @@ class Beliefs:
             self.states.setdefault(query.id, source)
         self.states = {id: told for id, told in self.states.items() if id in self.overlays.states}
 
-    def supposed(self, state: str) -> Iterable[Subject]:
-        """Return the scene of a hypothetical state."""
-        return subjects(self.overlays.states[state].scene).values()
-
 
 def _quads(subjects: Iterable[Subject]) -> set[ox.Quad]:
-    return {quad for subject in subjects for quad in subject.quads()}
+    return {quad for subject in subjects for quad in subject.quads}
 
 
 def believed(heard: Iterable[Heard]) -> Beliefs:
-    """Return the beliefs of km after all this."""
+    """The beliefs of km after all this."""
     beliefs = Beliefs()
     for one in heard:
         beliefs.hear(one)
     return beliefs
+
+
+# --- as an RDF dataset ------------------------------------------------------------------------------------------------
+
+
+def dataset(beliefs: Beliefs, begin: float) -> ox.Store:
+    """Everything believed, in memory; times are seconds since `begin` [unix s].
+
+    Default graph: O_RoCo, all that is believed, and who told what when. Named graphs: one per observation with the
+    facts that have been true since it, one per hypothetical state with all that would be so in it.
+    """
+    triples = ox.Store()
+    triples.load(read().serialize(format="nt").encode(), format=ox.RdfFormat.N_TRIPLES)
+    triples.extend(_all_quads(beliefs, begin))
+    return triples
+
+
+def _all_quads(beliefs: Beliefs, begin: float) -> Iterator[ox.Quad]:
+    for fact, source in beliefs.facts.items():
+        yield fact
+        yield _in(_observation(source), fact)
+    for source in beliefs.sources:
+        yield from _told(_observation(source), "Observation", source, begin)
+        yield ox.Quad(_observation(source), term("about"), _about(source.about))
+    for name, source in beliefs.states.items():
+        state = node("state", name)
+        yield from _told(state, "HypotheticalState", source, begin)
+        if source.parent:
+            yield ox.Quad(state, term("madeFrom"), node("state", source.parent))
+        for quad in _quads(subjects(beliefs.overlays.states[name].scene).values()):
+            yield _in(state, quad)
+
+
+def _told(of: ox.NamedNode, kind: str, source: Source, begin: float) -> Iterator[ox.Quad]:
+    agent = node("agent", source.by)
+    yield ox.Quad(of, TYPE, term(kind))
+    yield ox.Quad(agent, TYPE, term("Agent"))
+    yield ox.Quad(of, term("toldBy"), agent)
+    yield ox.Quad(of, term("toldAt"), ox.Literal(round(source.at - begin, 3)))
+
+
+def _about(key: str) -> ox.NamedNode:
+    """The node of a subject's key; a posture is of the robot."""
+    kind, _, name = key.partition(":")
+    match kind:
+        case "object":
+            return node("thing", name)
+        case "content":
+            return node("content", name)
+        case "hand":
+            return term(f"{name}_hand")
+        case _:
+            return term("velma")
+
+
+def _observation(source: Source) -> ox.NamedNode:
+    """`said:ta.object.jar_1.1.8` for object/jar_1@1.8 of ta: a name that SPARQL takes after a prefix."""
+    return node("said", f"{source.by}.{source.name}".replace("/", ".").replace("@", "."))
+
+
+def _in(graph: ox.NamedNode, quad: ox.Quad) -> ox.Quad:
+    return ox.Quad(quad.subject, quad.predicate, quad.object, graph)

@@ -1,7 +1,7 @@
-"""Where things may touch: cells of the floor plan that a thing or a volume reaches.
+"""Where objects may touch: cells of the floor plan that an object or a volume reaches.
 
-Two that touch share a cell, or the cells of one are not known. So only things of the same cells are compared, however
-many there are. A thing reaches as far as relations look: its shapes, and what stands on its surfaces. Must not know:
+Two that touch share a cell, or the cells of one are not known. So only objects of the same cells are compared, however
+many there are. An object reaches as far as relations look: its shapes, and what stands on its surfaces. Must not know:
 scenes.
 """
 
@@ -17,7 +17,7 @@ from services.knowledge import geometry
 # tilted by a degree or two stands a few mm higher; estimate.
 TOUCH_M = 0.03
 
-# Edge of a cell; estimate: some things of a hand's size stand in it, and a table reaches over some twenty.
+# Edge of a cell; estimate: some objects of a hand's size stand in it, and a table reaches over some twenty.
 CELL_M = 0.25
 # What is wider is compared with everything; estimate: the widest model is a table of 1.3 m by its diagonal.
 WIDE_M = 4.0
@@ -32,22 +32,22 @@ Cells = frozenset[tuple[int, int]]
 
 
 def cells(box: geometry.Bounds) -> Cells | None:
-    """Return the cells that a box reaches, None where all things are to be compared with it."""
+    """Return the cells that a box reaches, None where all objects are to be compared with it."""
     (x0, y0, _), (x1, y1, _) = box
     if not (x1 - x0 <= WIDE_M and y1 - y0 <= WIDE_M and abs(x0) + abs(y0) <= FAR_M):
         return None
     return frozenset(product(_steps(x0, x1), _steps(y0, y1)))
 
 
-@lru_cache(maxsize=4096)  # estimate: the things of some scenes
+@lru_cache(maxsize=4096)  # estimate: the objects of some scenes
 def cells_of(model: str, pose: Pose) -> Cells | None:
-    """Return the cells that a thing reaches: none if its model is not known, for nothing is known of it then."""
+    """Return the cells that an object reaches: none if its model is not known, for nothing is known of it then."""
     box = extent(model, pose)
     return frozenset() if model not in MODELS else cells(box) if box is not None else None
 
 
 def extent(model: str, pose: Pose) -> geometry.Bounds | None:
-    """Return a box around all that a thing reaches; None where its model is not known, or its pose is not rigid."""
+    """Return a box around all that an object reaches; None where its model is not known, or its pose is not rigid."""
     if model not in MODELS or not abs(math.hypot(*pose.quat_wxyz) - 1.0) <= UNIT:
         return None
     return geometry.bounds(_around(model), pose)

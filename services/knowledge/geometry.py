@@ -56,15 +56,10 @@ def half_sizes(shape: Shape) -> Vector:
 def bounds(shape: Shape, pose: Pose) -> Bounds:
     """Return the lowest and highest coordinates of the box around a shape of an object at `pose`."""
     at = compose(pose, shape.at)
-    half = half_sizes(shape)
-    axes = [
-        rotate(at.quat_wxyz, (half[0], 0, 0)),
-        rotate(at.quat_wxyz, (0, half[1], 0)),
-        rotate(at.quat_wxyz, (0, 0, half[2])),
-    ]
-    reach = [abs(axes[0][i]) + abs(axes[1][i]) + abs(axes[2][i]) for i in range(3)]
-    x, y, z = at.xyz
-    return (x - reach[0], y - reach[1], z - reach[2]), (x + reach[0], y + reach[1], z + reach[2])
+    a, b, c = half_sizes(shape)
+    p, q, r = (rotate(at.quat_wxyz, edge) for edge in ((a, 0, 0), (0, b, 0), (0, 0, c)))
+    reach = (abs(p[0]) + abs(q[0]) + abs(r[0]), abs(p[1]) + abs(q[1]) + abs(r[1]), abs(p[2]) + abs(q[2]) + abs(r[2]))
+    return _minus(at.xyz, reach), _minus(at.xyz, _negative(reach))
 
 
 def bounds_of(shapes: Iterable[Shape], pose: Pose) -> Bounds:

@@ -11,10 +11,10 @@ from companion.fusing import fused
 from companion.languages import wm
 from companion.languages.values import Pose
 from services.knowledge.relations import related
-from services.knowledge.scene import Held, Origin, Scene, Thing
+from services.knowledge.scene import Held, Origin, Scene, SceneObject
 
 ELSEWHERE_M = 0.1
-"""Farther than a thing is pushed by a hand that misses it, and than a sight errs (estimate)."""
+"""Farther than an object is pushed by a hand that misses it, and than a sight errs (estimate)."""
 Version = tuple[int, int]
 """Incarnation of the observer and number of the observation."""
 
@@ -69,18 +69,18 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
         case wm.SeenObject(object=name, model=model, pose=pose, content=content):
             # A held object moves with the hand: its pose is valid only at the moment of the observation.
             exact = scene.holder(name) is None
-            kept = scene.things.get(name, Thing(name, model, pose))
+            kept = scene.things.get(name, SceneObject(name, model, pose))
             origin = None if _moved_by_others(kept, pose) else kept.origin
             sure = kept.uncertainty if exact and kept.exact else None
             pose, uncertainty = fused((kept.pose, sure), (pose, observation.uncertainty))
             content = kept.content if content is None else content
             told = {"pose": pose, "uncertainty": uncertainty, "content": content}
             seen = msgspec.structs.replace(kept, model=model, at=at, exact=exact, origin=origin, **told)
-            return related(scene.with_thing(seen), at, name)
+            return related(scene.with_object(seen), at, name)
         case wm.PlacedObject(object=name, model=model, pose=pose):
-            kept = scene.things.get(name, Thing(name, model, pose))
+            kept = scene.things.get(name, SceneObject(name, model, pose))
             left = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=False, uncertainty=None)
-            return related(scene.with_thing(left), at, name)
+            return related(scene.with_object(left), at, name)
         case wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose):
             before = scene.hands.get(side, Held()).object
             return related(_taken(scene, name).with_hand(side, Held(name, grasp, pose)), at, before, name)
@@ -105,13 +105,13 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
 
 
 def _taken(scene: Scene, name: str) -> Scene:
-    """Return the scene in which a thing that is now in a hand has its origin, if it was seen where it stood."""
-    thing = scene.things.get(name)
-    if thing is None or thing.origin is not None or not thing.exact:
+    """Return the scene in which an object that is now in a hand has its origin, if it was seen where it stood."""
+    object = scene.things.get(name)
+    if object is None or object.origin is not None or not object.exact:
         return scene
-    return scene.with_thing(msgspec.structs.replace(thing, origin=Origin(thing.pose, thing.on)))
+    return scene.with_object(msgspec.structs.replace(object, origin=Origin(object.pose, object.on)))
 
 
-def _moved_by_others(thing: Thing, pose: Pose) -> bool:
-    """Whether a thing that was seen where it stood is now seen elsewhere, and no hand of the robot had it between."""
-    return thing.exact and math.dist(thing.pose.xyz, pose.xyz) > ELSEWHERE_M
+def _moved_by_others(object: SceneObject, pose: Pose) -> bool:
+    """Whether an object that was seen where it stood is now seen elsewhere, and no hand of the robot had it between."""
+    return object.exact and math.dist(object.pose.xyz, pose.xyz) > ELSEWHERE_M

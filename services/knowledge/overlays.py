@@ -109,12 +109,12 @@ def _changed(scene: Scene, change: wm.AnyChange) -> Scene:
 def _moved(scene: Scene, change: wm.Moved) -> Scene:
     """Move an object. What pl says it stands on overrides what geometry finds."""
     _require(scene, change.object)
-    thing = msgspec.structs.replace(scene.things[change.object], pose=change.pose, exact=change.exact)
-    after = related(scene.with_thing(thing), thing.related_at, thing.id)
+    object = msgspec.structs.replace(scene.things[change.object], pose=change.pose, exact=change.exact)
+    after = related(scene.with_object(object), object.related_at, object.id)
     if not change.on:
         return after
     _require(scene, change.on)
-    return after.with_thing(msgspec.structs.replace(after.things[change.object], on=change.on))
+    return after.with_object(msgspec.structs.replace(after.things[change.object], on=change.on))
 
 
 def _require(scene: Scene, name: str) -> None:

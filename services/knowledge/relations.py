@@ -12,60 +12,60 @@ from companion.languages.values import Pose, Vector
 from companion.models import MODELS, Flat, Model
 from services.knowledge import geometry
 from services.knowledge.extents import TOUCH_M, cells_of
-from services.knowledge.scene import Scene, Thing
+from services.knowledge.scene import Scene, SceneObject
 
 # The foot of an object is taken this far above its base, so that an object on a roof is not inside; estimate.
 INSIDE_M = 0.01
 
 
 def related(scene: Scene, now: float, *touched: str) -> Scene:
-    """Return the scene with its relations computed again, after the things `touched` were moved, taken or released.
+    """Return the scene with its relations computed again, after the objects `touched` were moved, taken or released.
 
-    `now`: time of the newest observation [s]. Relations between things that stayed are kept.
+    `now`: time of the newest observation [s]. Relations between objects that stayed are kept.
     """
-    things = scene.marked
-    moved = [things[name] for name in touched if name in things]
-    near = {name for one in moved for name in (one.id, *things.upon(one.id), *_near(scene, one))}
-    concerned = (things[name] for name in near if any(_concerns(one, things[name]) for one in moved))
-    renewed = [after for thing in concerned if (after := _related(scene, thing, now)) is not thing]
-    return msgspec.structs.replace(scene, things=things.having(renewed)) if renewed else scene
+    objects = scene.marked
+    moved = [objects[name] for name in touched if name in objects]
+    near = {name for one in moved for name in (one.id, *objects.upon(one.id), *_near(scene, one))}
+    concerned = (objects[name] for name in near if any(_concerns(one, objects[name]) for one in moved))
+    renewed = [after for object in concerned if (after := _related(scene, object, now)) is not object]
+    return msgspec.structs.replace(scene, things=objects.having(renewed)) if renewed else scene
 
 
-def _near(scene: Scene, thing: Thing) -> Set[str]:
-    return scene.marked.near(cells_of(thing.model, thing.pose))
+def _near(scene: Scene, object: SceneObject) -> Set[str]:
+    return scene.marked.near(cells_of(object.model, object.pose))
 
 
-def _concerns(moved: Thing, thing: Thing) -> bool:
-    """Whether the move may change what the thing is on or in."""
-    if moved.id in (thing.id, thing.on) or moved.id in thing.inside:
+def _concerns(moved: SceneObject, object: SceneObject) -> bool:
+    """Whether the move may change what the object is on or in."""
+    if moved.id in (object.id, object.on) or moved.id in object.inside:
         return True
-    if moved.known is None or thing.known is None:
+    if moved.known is None or object.known is None:
         return False
-    return _is_in(thing, thing.known, moved, moved.known) or bool(_support(thing, thing.known, [moved]))
+    return _is_in(object, object.known, moved, moved.known) or bool(_support(object, object.known, [moved]))
 
 
-def relate(scene: Scene, thing: Thing) -> tuple[str, tuple[str, ...]]:
-    """Return what a thing is on ("" for nothing) and in (sorted by id)."""
-    model = thing.known
+def relate(scene: Scene, object: SceneObject) -> tuple[str, tuple[str, ...]]:
+    """Return what an object is on ("" for nothing) and in (sorted by id)."""
+    model = object.known
     if model is None:
         return "", ()
-    if scene.holder(thing.id) is not None:
+    if scene.holder(object.id) is not None:
         return "", ()  # it moves with the hand
-    others = [scene.things[name] for name in _near(scene, thing) if name != thing.id]
-    inside = tuple(sorted(other.id for other in others if other.known and _is_in(thing, model, other, other.known)))
-    return _support(thing, model, others), inside
+    others = [scene.things[name] for name in _near(scene, object) if name != object.id]
+    inside = tuple(sorted(other.id for other in others if other.known and _is_in(object, model, other, other.known)))
+    return _support(object, model, others), inside
 
 
-def _related(scene: Scene, thing: Thing, now: float) -> Thing:
-    on, inside = relate(scene, thing)
-    if (on, inside) == (thing.on, thing.inside):
-        return thing
-    return msgspec.structs.replace(thing, on=on, inside=inside, related_at=now)
+def _related(scene: Scene, object: SceneObject, now: float) -> SceneObject:
+    on, inside = relate(scene, object)
+    if (on, inside) == (object.on, object.inside):
+        return object
+    return msgspec.structs.replace(object, on=on, inside=inside, related_at=now)
 
 
-def _support(thing: Thing, model: Model, others: list[Thing]) -> str:
-    """Return the thing with the nearest flat surface below the centre of the base."""
-    base = geometry.place(thing.pose, (0.0, 0.0, model.base.z))
+def _support(object: SceneObject, model: Model, others: list[SceneObject]) -> str:
+    """Return the object with the nearest flat surface below the centre of the base."""
+    base = geometry.place(object.pose, (0.0, 0.0, model.base.z))
     found = [
         (abs(gap), other.id)
         for other in others
@@ -83,11 +83,11 @@ def _gap(flat: Flat, pose: Pose, base: Vector) -> float | None:
     return z - flat.z if over and abs(z - flat.z) <= TOUCH_M else None
 
 
-def _is_in(thing: Thing, model: Model, other: Thing, container: Model) -> bool:
-    """Whether the foot of a thing is within a thing that has an opening."""
+def _is_in(object: SceneObject, model: Model, other: SceneObject, container: Model) -> bool:
+    """Whether the foot of an object is within an object that has an opening."""
     if container.hole is None:
         return False
-    foot = geometry.place(thing.pose, (0.0, 0.0, model.base.z + INSIDE_M))
+    foot = geometry.place(object.pose, (0.0, 0.0, model.base.z + INSIDE_M))
     return geometry.within(_interior(container.name), geometry.unplace(other.pose, foot))
 
 

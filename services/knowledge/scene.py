@@ -18,13 +18,13 @@ PARTS = {"torso": 1, "right_arm": 7, "left_arm": 7, "head": 2, "right_hand": 4, 
 
 
 class Origin(msgspec.Struct, frozen=True):
-    """Place of a thing before the robot took it: its pose, and what it was on ("" if that is not known)."""
+    """Place of an object before the robot took it: its pose, and what it was on ("" if that is not known)."""
 
     pose: Pose
     on: str
 
 
-class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
+class SceneObject(msgspec.Struct, frozen=True, omit_defaults=True):
     """An object, with the pose where it was last seen, where a hand let go of it, or where it is predicted to be.
 
     `exact`: it was seen there. `on`, `inside`: computed from poses and shapes. `at`: time of that observation,
@@ -47,61 +47,57 @@ class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def known(self) -> Model | None:
-        """The model, None if it is not known."""
         return MODELS.get(self.model)
 
     @property
     def kind(self) -> str:
-        """The class in the ontology."""
+        """The name of its class in the ontology."""
         return self.known.kind if self.known else "PhysicalObject"
 
     @property
     def moveable(self) -> bool:
-        """Whether the robot may take it."""
         return self.known is not None and self.known.moveable
 
 
 Mark = tuple[int, int] | str | None
-"""A cell that a thing reaches, None for any cell; or the id of another thing, which it is on or in."""
+"""A cell that an object reaches, None for any cell; or the id of another object, which it is on or in."""
 
 
-class Things(dict[str, Thing]):
+class SceneObjects(dict[str, SceneObject]):
     """Objects by id, and the ids of those that have a mark. Never changed in place.
 
-    In a record it is a dict like any other; the marks are made again from it.
+    It is encoded as any other dict; the marks are made again from it.
     """
 
-    def __init__(self, things: Mapping[str, Thing]) -> None:
-        super().__init__(things)
+    def __init__(self, objects: Mapping[str, SceneObject]) -> None:
+        super().__init__(objects)
         self._marked: dict[Mark, frozenset[str]] = {}
-        if isinstance(things, Things):
-            self._marked |= things._marked
+        if isinstance(objects, SceneObjects):
+            self._marked |= objects._marked
         else:
-            for name, thing in things.items():
-                self._mark(name, frozenset(), _marks(thing))
+            for name, object in objects.items():
+                self._mark(name, frozenset(), _marks(object))
 
-    def having(self, things: Iterable[Thing]) -> "Things":
-        """Return these objects with some as given."""
-        after = Things(self)
-        for thing in things:
-            after._mark(thing.id, _marks(self.get(thing.id)), _marks(thing))
-            after[thing.id] = thing
+    def having(self, objects: Iterable[SceneObject]) -> "SceneObjects":
+        after = SceneObjects(self)
+        for object in objects:
+            after._mark(object.id, _marks(self.get(object.id)), _marks(object))
+            after[object.id] = object
         return after
 
-    def without(self, name: str) -> "Things":
-        """Return these objects without one."""
-        after = Things(self)
+    def without(self, name: str) -> "SceneObjects":
+        after = SceneObjects(self)
         after._mark(name, _marks(after.pop(name, None)), frozenset())
         return after
 
     def near(self, cells: Cells | None) -> Set[str]:
-        """Return the ids of all that may touch what reaches these cells, and of some others."""
+        """The ids of all objects that may touch what reaches these cells, and of some others."""
         if cells is None:
             return self.keys()
         return frozenset().union(*(self._marked.get(mark, ()) for mark in (None, *cells)))
 
     def upon(self, name: str) -> Set[str]:
-        """Return the ids of the objects that are on or in another."""
+        """The ids of the objects that are on or in another one."""
         return self._marked.get(name, frozenset())
 
     def _mark(self, name: str, old: frozenset[Mark], new: frozenset[Mark]) -> None:
@@ -112,15 +108,15 @@ class Things(dict[str, Thing]):
             self._marked[mark] = self._marked.get(mark, frozenset()) | {name}
 
 
-def _marks(thing: Thing | None) -> frozenset[Mark]:
-    if thing is None:
+def _marks(object: SceneObject | None) -> frozenset[Mark]:
+    if object is None:
         return frozenset()
-    cells = cells_of(thing.model, thing.pose)
-    return frozenset((*((None,) if cells is None else cells), *thing.inside, *((thing.on,) if thing.on else ())))
+    cells = cells_of(object.model, object.pose)
+    return frozenset((*((None,) if cells is None else cells), *object.inside, *((object.on,) if object.on else ())))
 
 
 class Held(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The object in a hand ("" for none), by which grasp, and T_grip_object."""
+    """The object in a hand ("" if it is empty), by which grasp, and T_grip_object."""
 
     object: str = ""
     grasp: str = ""
@@ -128,7 +124,7 @@ class Held(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Lost(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An object that nobody knows where it is: its class in the ontology, the hand that lost it, or gave it to a person
+    """An object whose place is unknown: its class in the ontology, and the hand that lost it, or gave it to a person
     (`given`); None: it was missing where it should have been.
     """
 
@@ -146,7 +142,7 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
     time. A missing hand or part was never observed.
     """
 
-    things: dict[str, Thing] = {}
+    things: dict[str, SceneObject] = {}
     hands: dict[Side, Held] = {}
     joints: dict[str, tuple[float, ...]] = {}
     reserved: dict[str, Shape] = {}
@@ -156,27 +152,24 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
     lost: dict[str, Lost] = {}
 
     def __post_init__(self) -> None:
-        """Keep the things with their marks; none at all as a plain dict, which a record leaves out."""
-        kind = Things if self.things else dict
+        """Mark the objects."""
+        kind = SceneObjects if self.things else dict  # omit_defaults leaves only a plain empty dict out
         if type(self.things) is not kind:
             msgspec.structs.force_setattr(self, "things", kind(self.things))
 
     @property
-    def marked(self) -> Things:
-        """The things with their marks."""
-        return self.things if isinstance(self.things, Things) else Things({})
+    def marked(self) -> SceneObjects:
+        return self.things if isinstance(self.things, SceneObjects) else SceneObjects({})
 
     def holder(self, object: str) -> Side | None:
-        """Return the hand that holds an object, None for none."""
         return next((side for side, held in self.hands.items() if held.object == object), None)
 
-    def with_thing(self, thing: Thing) -> "Scene":
-        """Return the scene with this object as given."""
-        lost = {name: one for name, one in self.lost.items() if name != thing.id}
-        return msgspec.structs.replace(self, things=self.marked.having((thing,)), lost=lost)
+    def with_object(self, object: SceneObject) -> "Scene":
+        lost = {name: one for name, one in self.lost.items() if name != object.id}
+        return msgspec.structs.replace(self, things=self.marked.having((object,)), lost=lost)
 
     def without(self, name: str, side: Side | None, *, given: bool = False) -> "Scene":
-        """Return the scene after the hand `side` lost this object, or gave it to a person, or it was missing (None)."""
+        """The scene after the hand `side` lost this object, or gave it to a person, or it was missing (None)."""
         known = self.things.get(name) or self.lost.get(name)
         kind = known.kind if known is not None else "PhysicalObject"
         hands = {where: Held() if held.object == name else held for where, held in self.hands.items()}
@@ -184,10 +177,10 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
         return msgspec.structs.replace(self, things=self.marked.without(name), hands=hands, lost=lost)
 
     def with_hand(self, side: Side, held: Held) -> "Scene":
-        """Return the scene with this hand; an object in it leaves the other hand, and its pose is not exact."""
+        """The scene with this hand; an object in it leaves the other hand, and its pose is not exact."""
         hands = {
             other: Held() if held.object and what.object == held.object else what for other, what in self.hands.items()
         }
         scene = msgspec.structs.replace(self, hands={**hands, side: held})
-        thing = self.things.get(held.object)
-        return scene.with_thing(msgspec.structs.replace(thing, exact=False, on="")) if thing else scene
+        object = self.things.get(held.object)
+        return scene.with_object(msgspec.structs.replace(object, exact=False, on="")) if object else scene

@@ -7,28 +7,31 @@ import secrets
 import signal
 import socket
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from agent_runtime.io import cli
-from agent_runtime.io.heartbeat import ready_file
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import USAGE_ERROR, Options
-from agent_runtime.io.pulse import Pulse
-from agent_runtime.io.run_files import listen_at, make_run, write_secret
-from companion.loopback import HERE
-from companion.run_files import PAGE_FILE, HiEvent, PageAddress, Tasks
+from agent_runtime.io.process_heartbeat import ProcessHeartbeat
+from agent_runtime.io.run_files import listen_at, make_run, ready_file, write_secret
+from companion.loopback import HERE, Hi
+from companion.loopback_server import RobotStop, Server, listener
+from companion.run_files import HI_FILE, PAGE_FILE, HiEvent, PageAddress, Tasks
+from services.page.app import Page
+from services.page.following import Following
+from services.page.guard import Guard
+from services.page.pairing import Pairs
+from services.page.robot import RobotEye, RobotWord
 
 NAME = "page"
 LOOK_S = 0.2
 """Between two looks at the stop flag, which `roco stop` sets, too."""
-SENT_BYTES = 131_072
-"""That may wait in the system for one browser: some pictures; what is older than that, nobody wants (estimate)."""
-GRACE_S = 2
-"""Longest for requests in hand at the end."""
+PATIENCE_S = 6.0
+"""Longest wait for hi, which answers within 5 s, be it that it is busy; a person has a browser before them."""
 PAIRED_FILE = "page.paired"
 
 
@@ -43,19 +46,13 @@ def serve(options: Options) -> int:
     except ValueError as error:
         print(f"ROCO_PAGE: {error}", file=sys.stderr)
         return USAGE_ERROR
-    try:
-        import starlette  # noqa: F401
-        import uvicorn  # noqa: F401
-    except ImportError as error:
-        print(f"page: {error}; pip install 'robot-companion[page]'", file=sys.stderr)
-        return USAGE_ERROR
     make_run(options.run_dir)
     before = _before(options.run_dir)
-    listener = _listener(host, port, before)
-    address = PageAddress(listener.getsockname()[1], before.token if before else secrets.token_urlsafe(24))
+    listening = _listening(host, port, before)
+    address = PageAddress(listening.getsockname()[1], before.token if before else secrets.token_urlsafe(24))
     write_secret(options.run_dir / PAGE_FILE, msgspec.json.encode(address))
-    with listener:
-        asyncio.run(_serve(options, listener, address))
+    with listening:
+        asyncio.run(_serve(options, listening, address))
     return 0
 
 
@@ -67,51 +64,18 @@ def _before(run: Path) -> PageAddress | None:
         return None
 
 
-def _listener(host: str, port: int, before: PageAddress | None) -> socket.socket:
-    """A bound socket, at the port of before where none is asked for and it is free. Raise OSError."""
+def _listening(host: str, port: int, before: PageAddress | None) -> socket.socket:
+    """A socket, at the port of before where none is asked for and it is free. Raise OSError."""
     if before is not None and not port:
         with contextlib.suppress(OSError):
-            return _bound(host, before.port)
-    return _bound(host, port)
+            return listener(host, before.port, "ROCO_PAGE")
+    return listener(host, port, "ROCO_PAGE")
 
 
-def _bound(host: str, port: int) -> socket.socket:
-    listener = socket.socket()
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENT_BYTES)
-    try:
-        listener.bind((host, port))
-    except OSError as error:
-        listener.close()
-        why = f"{host}:{port} cannot be listened at: {error.strerror}; ROCO_PAGE names another address"
-        raise OSError(error.errno, why) from error
-    return listener
-
-
-async def _serve(options: Options, listener: socket.socket, address: PageAddress) -> None:
-    import uvicorn
-
-    from services.page.app import Page
-    from services.page.following import Following
-    from services.page.guard import Guard
-    from services.page.hi_client import Hi
-    from services.page.limits import settings
-    from services.page.pairing import Pairs
-    from services.page.robot_eye import RobotEye
-    from services.page.robot_stop import RobotStop
-    from services.page.robot_word import RobotWord
-
-    class Server(uvicorn.Server):
-        """A server whose signals are the loop's."""
-
-        @contextlib.contextmanager
-        def capture_signals(self) -> Iterator[None]:
-            """Leave signals alone."""
-            yield
-
+async def _serve(options: Options, listening: socket.socket, address: PageAddress) -> None:
     run = options.run_dir
     log = Log(NAME, options.log_level, run / "logs" / f"{NAME}.jsonl")
-    hi = Hi(Path(os.environ.get("ROCO_HI_DIR") or run), os.environ.get("ROCO_HI") or HERE)
+    hi = Hi(Path(os.environ.get("ROCO_HI_DIR") or run) / HI_FILE, os.environ.get("ROCO_HI") or HERE, PATIENCE_S)
     stop, pairs, loop = RobotStop(run), Pairs(run / PAIRED_FILE), asyncio.get_running_loop()
     page = Page(hi, stop, RobotWord(options), pairs, address.port, address.token)
 
@@ -127,11 +91,7 @@ async def _serve(options: Options, listener: socket.socket, address: PageAddress
     eye = RobotEye(
         options, lambda *picture: soon(partial(page.see, *picture)), lambda mode: soon(partial(page.hear, mode=mode))
     )
-    config = uvicorn.Config(
-        Guard(page.app(), address.port, pairs), lifespan="off", log_config=None, access_log=False,
-        timeout_graceful_shutdown=GRACE_S, server_header=False, **settings(),
-    )  # fmt: skip
-    server = Server(config)
+    server = Server(Guard(page.app(), address.port, pairs))
 
     def end() -> None:
         page.streams.close()
@@ -141,9 +101,9 @@ async def _serve(options: Options, listener: socket.socket, address: PageAddress
         loop.add_signal_handler(number, end)
     following.start()
     eye.start()
-    serving = asyncio.create_task(server.serve(sockets=[listener]))
+    serving = asyncio.create_task(server.serve(sockets=[listening]))
     try:
-        pulse, ready = Pulse(run, NAME), ready_file(run, NAME)
+        pulse, ready = ProcessHeartbeat(run, NAME), ready_file(run, NAME)
         ready.unlink(missing_ok=True)  # of the process before this one
         log.write("listening", at=f"http://127.0.0.1:{address.port}")
         while not serving.done():

@@ -6,7 +6,6 @@ of others.
 """
 
 import asyncio
-import hmac
 import html
 import json
 import re
@@ -27,15 +26,15 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from starlette.routing import Route
 
 from companion import commands
+from companion.loopback import Hi, HiError
+from companion.loopback_server import Refused, RobotStop, has_token, whole_body
 from companion.run_files import MOST_EAST_MIN, Pairing, Say, TaskLine
+from companion.sentences import plain
 from companion.stop_words import AT_ONCE_S, calls_for_help, may_answer, stop_words
-from companion.wording import plain
 from services.page import view
 from services.page.guard import cookie_name
-from services.page.hi_client import Hi, HiError
 from services.page.pairing import CODE_S, KEPT_S, Pairs
-from services.page.robot_stop import RobotStop
-from services.page.robot_word import RobotWord
+from services.page.robot import RobotWord
 from services.page.view import LANGUAGES, say
 
 # --- Server-sent events that tell browsers of changes; the newest wins, so that a slow reader costs no memory --------
@@ -150,8 +149,6 @@ async def wav(text: str, language: str) -> bytes | None:
 # --- The answers of the page (starlette) ------------------------------------------------------------------------------
 
 
-LONGEST_BODY = 4096
-BODY_S = 5.0
 LANGUAGE_COOKIE = "velma-language"
 BROWSER = "browser"
 """The field with the name of the browser that sent a form; the page itself fills it in."""
@@ -165,14 +162,6 @@ STATIC = {
     "icon.svg": "image/svg+xml",
 }
 _FILES = {name: resources.files(__package__).joinpath("static", name).read_bytes() for name in STATIC}
-
-
-class Refused(Exception):
-    """A request that is answered by a status and a sentence. `whole`: it was read; else its connection ends."""
-
-    def __init__(self, status: int, text: str, *, whole: bool = True) -> None:
-        self.status, self.headers = status, {} if whole else {"connection": "close"}
-        super().__init__(text)
 
 
 class Page:
@@ -258,7 +247,7 @@ class Page:
         if stop_words(text, await self._answers(text, fields[BROWSER])):
             return await self._stop_in_words(text, language)
         said = Say(text, int("first" in fields), asker=fields[BROWSER], east_min=_east_min(fields))
-        return await self._ask(partial(self._hi.say, said), language)
+        return await self._ask(partial(self._hi.send, said), language)
 
     async def _answers(self, text: str, browser: str) -> tuple[str, ...]:
         """The answers to what hi has asked in a browser, if the text may be one, and hi says so at once."""
@@ -272,9 +261,9 @@ class Page:
         """Stop the robot. If the text calls for help and hi answers, the answer lists what can be said."""
         if not calls_for_help(text):
             return await self._hold(True, {}, language)
-        if self._stop.hold(True):
+        if self._flag(True):
             self.hear(held=True)
-        call = partial(anyio.to_thread.run_sync, partial(self._hi.say, Say(text)), limiter=self._stopping)
+        call = partial(anyio.to_thread.run_sync, partial(self._hi.send, Say(text)), limiter=self._stopping)
         try:
             return await _of_hi(call, language)
         except Refused:
@@ -289,7 +278,7 @@ class Page:
         urgency = min(MOST_URGENT, 1 + max(one.urgency for one in lines))
         wish = view.in_language(line.wish, language)
         said = Say(wish, urgency, instead=line.task, asker=fields[BROWSER])
-        return await self._ask(partial(self._hi.say, said), language)
+        return await self._ask(partial(self._hi.send, said), language)
 
     async def _step(self, fields: dict[str, str], language: str) -> Response:
         """Let the act begin that waits, if it is the one that this browser shows."""
@@ -306,13 +295,20 @@ class Page:
     async def _hold(self, held: bool, fields: dict[str, str], language: str) -> Response:
         """Stop the robot, or let it go: by its flag, then hi is told; where the flag is elsewhere, by hi."""
         told = partial(anyio.to_thread.run_sync, partial(self._hi.hold, held), limiter=self._stopping)
-        if not self._stop.hold(held):
+        if not self._flag(held):
             return await _of_hi(told, language)
         self.hear(held=held)
         task = asyncio.create_task(_quietly(told))
         self._kept.add(task)
         task.add_done_callback(self._kept.discard)
         return JSONResponse({"state": "stopped" if held else "released", "text": "", "replies": []})
+
+    def _flag(self, held: bool) -> bool:
+        """Set the flag. Return whether the robot's loop reads it; hi is to be asked where it does not."""
+        try:
+            return self._stop.hold(held)
+        except OSError:
+            return False
 
     async def _ask(self, call: Callable[[], TaskLine], language: str) -> Response:
         return await _of_hi(partial(anyio.to_thread.run_sync, call, limiter=self._room), language)
@@ -329,8 +325,7 @@ class Page:
 
     async def _code(self, request: Request) -> Response:
         """A new code for who has the token of page.json; a browser has no business here."""
-        given = request.headers.get("authorization", "").encode()
-        if "origin" in request.headers or not hmac.compare_digest(given, f"Bearer {self._token}".encode()):
+        if "origin" in request.headers or not has_token(request.headers, self._token):
             return JSONResponse({"error": "wrong or missing token; `roco page` has that of page.json"}, 401)
         code = Pairing(self._pairs.new_code(time.time()), CODE_S)
         return Response(msgspec.json.encode(code), media_type="application/json")
@@ -373,15 +368,7 @@ def _answering(act: Callable[[dict[str, str], str], Awaitable[Response]]) -> Cal
 
 async def _form(request: Request) -> dict[str, str]:
     """The fields of a form. Raise Refused for one that is too long, or not whole in time."""
-    data = b""
-    try:
-        async with asyncio.timeout(BODY_S):
-            async for chunk in request.stream():
-                data += chunk
-                if len(data) > LONGEST_BODY:
-                    raise Refused(413, f"a form has at most {LONGEST_BODY} bytes", whole=False)
-    except TimeoutError:
-        raise Refused(408, f"a form must be whole within {BODY_S:g} s", whole=False) from None
+    data = await whole_body(request)
     try:
         fields = parse_qs(data.decode(), keep_blank_values=True, max_num_fields=8)
     except (UnicodeDecodeError, ValueError) as error:
@@ -400,7 +387,9 @@ async def _of_hi(call: Callable[[], Awaitable[TaskLine]], language: str) -> Resp
     try:
         line = await call()
     except HiError as error:
-        raise Refused(error.status or 503, str(error) if error.status else say(language, "unreached")) from error
+        raise Refused(
+            error.status if error.status >= 400 else 503, str(error) if error.status else say(language, "unreached")
+        ) from error
     return JSONResponse({"task": line.task, "state": line.state, "text": plain(line.text), "replies": line.replies})
 
 

@@ -3,8 +3,8 @@
 import threading
 from collections.abc import Callable
 
+from companion.loopback import Hi, HiError
 from companion.run_files import HiEvent, Tasks
-from services.page.hi_client import Hi, HiError
 
 WAIT_S = 10.0
 """hi holds the answer so long, until there is something to tell; what only a file tells is seen by the page itself."""
@@ -35,7 +35,7 @@ class Following:
             try:
                 events = self._hi.events(since, wait_s)
                 self._news = (*self._news, *events.events)[-MOST_NEWS:]
-                self._told(self._hi.tasks(), self._news)
+                self._told(self._hi.told(), self._news)
                 since, wait_s = events.next, WAIT_S
             except HiError:
                 self._told(None, self._news)

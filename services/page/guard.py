@@ -12,6 +12,7 @@ from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from companion.loopback_server import Refused, check_host
 from services.page.pairing import Bucket, Pairs, digest_of
 
 OPEN_TO_ALL = ("/", "/pair", "/code", "/static/page.css", "/static/pair.js", "/static/icon.svg")
@@ -45,8 +46,7 @@ class Guard:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._app, self._pairs, self._wall, self._clock = app, pairs, wall, clock
-        self._hosts = (f"127.0.0.1:{port}", f"localhost:{port}")
-        self._cookie = cookie_name(port)
+        self._port, self._cookie = port, cookie_name(port)
         self._buckets: dict[str, Bucket] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -68,9 +68,11 @@ class Guard:
         headers, path = Headers(scope=scope), scope["path"]
         if "websocket" in headers.get("upgrade", "").lower():
             return 400, "the page has no WebSocket; what it tells comes at /events"
-        host = headers.get("host", "")
-        if headers.getlist("host") != [host] or host not in self._hosts:
-            return 403, f"Host must be {' or '.join(self._hosts)}"
+        try:
+            check_host(headers, self._port)
+        except Refused as refused:
+            return refused.status, str(refused)
+        host = headers["host"]
         if scope["method"] == "POST" and path != "/code" and not _same(headers, f"http://{host}"):
             return 403, f"Origin must be http://{host}: only this page may ask for that"
         if path not in OPEN_TO_ALL and headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):

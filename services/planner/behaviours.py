@@ -15,8 +15,9 @@ from companion.design import AgentName
 from companion.languages import hfsm, wm
 from companion.languages.facts import Fact, Kind, fact
 from fipa_codec.performatives import Performative
-from services.planner import local, words
-from services.planner.local import Answer, Ask, Begin, Died, Found, Stop
+from services.planner import device_messages
+from services.planner import outgoing_messages as messages
+from services.planner.device_messages import Answer, Ask, Begin, Died, Found, Stop
 from services.planner.memory import CONDITIONS, Memory, Problem, Soft
 
 ATTEMPTS = "attempts"
@@ -24,14 +25,9 @@ ATTEMPTS = "attempts"
 
 
 def agent(seed: int = 1) -> Agent[Memory]:
-    """Return the agent pl; `seed` of the random numbers in its searches."""
-    behaviours = {
-        "await_problem": await_problem,
-        "initialize_problem": initialize_problem,
-        "search_plan": search_plan,
-        "answer_problem": answer_problem,
-    }
-    return bind(AgentName.PL, Memory(seed=seed), behaviours, CONDITIONS, local=local.Local)
+    """The agent pl; `seed` of the random numbers in its searches."""
+    behaviours = {state.__name__: state for state in (await_problem, initialize_problem, search_plan, answer_problem)}
+    return bind(AgentName.PL, Memory(seed=seed), behaviours, CONDITIONS, local=device_messages.Local)
 
 
 # --- idle -------------------------------------------------------------------------------------------------------------
@@ -39,31 +35,27 @@ def agent(seed: int = 1) -> Agent[Memory]:
 
 def await_problem(memory: Memory, turn: Turn) -> Memory:
     """State idle: take the oldest waiting problem."""
-    memory = _heard(memory, turn)
+    memory = _received(memory, turn)
     if memory.problem is None and memory.waiting:
         return replace(memory, problem=memory.waiting[0], waiting=memory.waiting[1:])
     return memory
 
 
-def _heard(memory: Memory, turn: Turn) -> Memory:
+def _received(memory: Memory, turn: Turn) -> Memory:
     """Take messages in any state: agree to a request and queue it, answer a cancel at once."""
     match turn.event:
         case Received(content=hfsm.GroundTaskNetwork() as network) as received:
-            words.agree(turn, received.conversation, network)
+            messages.agree(turn, received.conversation, network)
             return replace(memory, waiting=(*memory.waiting, Problem(received.conversation, network)))
-        case Received(communicate=word) as received if word.performative is Performative.CANCEL:
-            return _cancelled(memory, turn, received.conversation)
+        case Received(communicate=message, conversation=name) if message.performative is Performative.CANCEL:
+            known = (*memory.waiting, *((memory.problem,) if memory.problem else ()))
+            network = next(one.network.id for one in known if one.conversation == name)
+            messages.cancelled(turn, name, network)
+            return _forgotten(memory, name)
         case Broken(conversation=conversation):
             return _forgotten(memory, conversation)
         case _:
             return memory
-
-
-def _cancelled(memory: Memory, turn: Turn, conversation: str) -> Memory:
-    known = (*memory.waiting, *((memory.problem,) if memory.problem else ()))
-    network = next(one.network.id for one in known if one.conversation == conversation)
-    words.cancelled(turn, conversation, network)
-    return _forgotten(memory, conversation)
 
 
 def _forgotten(memory: Memory, conversation: str) -> Memory:
@@ -79,8 +71,10 @@ def _forgotten(memory: Memory, conversation: str) -> Memory:
 def initialize_problem(memory: Memory, turn: Turn) -> Memory:
     """State initialize: drop the hypothetical states of an earlier attempt; this also shows that km is there."""
     if turn.event is None:
-        return _begin_again(memory, turn)
-    memory = _heard(memory, turn)
+        if memory.begun >= turn.parameter(ATTEMPTS, int):
+            return _no_plan(memory, fact(Kind.STATES_LOST))
+        return _drop(replace(memory, ready=False, begun=memory.begun + 1, soft=Soft()), turn)
+    memory = _received(memory, turn)
     if memory.cancelled:
         return memory
     match turn.event:
@@ -94,20 +88,14 @@ def initialize_problem(memory: Memory, turn: Turn) -> Memory:
             return _unanswered(memory, turn)
 
 
-def _begin_again(memory: Memory, turn: Turn) -> Memory:
-    if memory.begun >= turn.parameter(ATTEMPTS, int):
-        return _no_plan(memory, fact(Kind.STATES_LOST))
-    return _drop(replace(memory, ready=False, begun=memory.begun + 1, soft=Soft()), turn)
-
-
 def _drop(memory: Memory, turn: Turn) -> Memory:
     assert memory.problem is not None
-    return _ask(memory, turn, words.drop(memory.problem))
+    return _ask(memory, turn, messages.drop(memory.problem))
 
 
 def _ask(memory: Memory, turn: Turn, query: wm.AnyQuery) -> Memory:
     assert memory.problem is not None
-    return replace(memory, soft=replace(memory.soft, question=words.ask(turn, memory.problem, query)))
+    return replace(memory, soft=replace(memory.soft, question=messages.ask(turn, memory.problem, query)))
 
 
 def _unanswered(memory: Memory, turn: Turn) -> Memory:
@@ -133,8 +121,11 @@ def _no_plan(memory: Memory, *why: Fact, later: bool = False) -> Memory:
 def search_plan(memory: Memory, turn: Turn) -> Memory:
     """State search: pass queries to km and answers back, until the search ends."""
     if turn.event is None:
-        return _searching(memory, turn)
-    memory = _heard(memory, turn)
+        assert memory.problem is not None
+        attempt = memory.attempt + 1
+        turn.tell(Begin(attempt, memory.problem.network, memory.seed))
+        return replace(memory, attempt=attempt)
+    memory = _received(memory, turn)
     if memory.cancelled:
         return memory
     match turn.event:
@@ -151,13 +142,6 @@ def search_plan(memory: Memory, turn: Turn) -> Memory:
             return replace(memory, soft=Soft(lost=True))
         case _:
             return _unanswered(memory, turn)
-
-
-def _searching(memory: Memory, turn: Turn) -> Memory:
-    assert memory.problem is not None
-    attempt = memory.attempt + 1
-    turn.tell(Begin(attempt, memory.problem.network, memory.seed))
-    return replace(memory, attempt=attempt)
 
 
 def _answered(memory: Memory, turn: Turn, content: wm.AnyAnswer) -> Memory:
@@ -182,7 +166,7 @@ def answer_problem(memory: Memory, turn: Turn) -> Memory:
     if memory.soft.question:
         turn.drop(memory.soft.question)
     if turn.holds(problem.conversation) and memory.result is not None:
-        words.tell(turn, problem, memory.result)
+        messages.tell(turn, problem, memory.result)
     if not (isinstance(memory.result, hfsm.NoPlan) and memory.result.later):  # later: no state was made, and km is busy
-        words.ask(turn, problem, words.drop(problem), words.DROP_WITHIN_S)
+        messages.ask(turn, problem, messages.drop(problem), messages.DROP_WITHIN_S)
     return Memory(seed=memory.seed, waiting=memory.waiting, attempt=memory.attempt)

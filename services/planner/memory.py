@@ -13,7 +13,7 @@ class Problem(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct, frozen=True):
-    """Memory lost with the process: the conversation of the query under way; `lost`: the search has to start again."""
+    """Memory lost with the process: the conversation of the query under way; `lost`: the search must start again."""
 
     question: str = ""
     lost: bool = False

@@ -6,7 +6,7 @@ once; the next child is started in its place.
 
 from agent_runtime.io.devices import Post
 from agent_runtime.io.worker import Worker
-from services.planner.local import Answer, Begin, Died, Found, FromSearch, Stop
+from services.planner.device_messages import Answer, Begin, Died, Found, FromSearch, Stop
 
 ENTRY = "services.planner.search_process:serve"
 
@@ -21,7 +21,6 @@ class SearchDevice:
 
     @property
     def busy(self) -> bool:
-        """Whether the child computes."""
         return self._busy
 
     def tell(self, content: Begin | Answer | Stop) -> None:
@@ -38,13 +37,13 @@ class SearchDevice:
         self._child.kill()
 
     def _new(self) -> Worker:
-        return Worker(ENTRY, answers=FromSearch, on_message=self._heard, on_end=self._over)
+        return Worker(ENTRY, answers=FromSearch, on_message=self._on_message, on_end=self._on_end)
 
-    def _heard(self, word: FromSearch) -> None:
-        self._searching = self._searching and not isinstance(word, Found)
-        self._post(word)
+    def _on_message(self, message: FromSearch) -> None:
+        self._searching = self._searching and not isinstance(message, Found)
+        self._post(message)
         self._busy = False
 
-    def _over(self, reason: str) -> None:
+    def _on_end(self, reason: str) -> None:
         self._post(Died(reason))
         self._busy = False

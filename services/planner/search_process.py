@@ -5,7 +5,7 @@ The search with its geometry is loaded in the child only.
 
 from agent_runtime.io.worker import Link
 from companion.languages import wm
-from services.planner.local import Answer, Ask, Begin, Found, ToSearch
+from services.planner.device_messages import Answer, Ask, Begin, Found, ToSearch
 
 
 def serve(link: Link) -> None:
@@ -13,10 +13,10 @@ def serve(link: Link) -> None:
     from companion.planning.search import search
 
     while True:
-        word = link.recv(ToSearch)
-        if not isinstance(word, Begin):
+        message = link.recv(ToSearch)
+        if not isinstance(message, Begin):
             continue
-        attempt = word.attempt
+        attempt = message.attempt
 
         def ask(query: wm.AnyQuery, attempt: int = attempt) -> wm.AnyAnswer:
             link.send(Ask(attempt, query))
@@ -25,4 +25,4 @@ def serve(link: Link) -> None:
                 if isinstance(reply, Answer) and reply.attempt == attempt:
                     return reply.answer
 
-        link.send(Found(attempt, search(word.network, ask, word.seed)))
+        link.send(Found(attempt, search(message.network, ask, message.seed)))

@@ -14,8 +14,8 @@ from companion.languages import rc, wm
 from companion.languages.facts import Facts, Kind, fact
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative
-from services.task.memory import Act, Memory
-from services.task.words import known_after, observations, subject
+from services.task.memory import Memory, RunningAct
+from services.task.outgoing_messages import known_after, observations, subject
 
 OBSERVER = AgentName.KM
 AGREE_WITHIN_S = 60.0  # estimate: ex computes a skill in seconds; a path that it plans itself takes longer
@@ -30,7 +30,7 @@ def begin(memory: Memory, turn: Turn, command: rc.Command) -> Memory:
     """Request an act of ex."""
     for_plan = memory.conversation
     name = turn.open(AgentName.EX, "request", Performative.REQUEST, command, reply_by_s=AGREE_WITHIN_S, parent=for_plan)
-    return replace(memory, act=Act(name, command))
+    return replace(memory, act=RunningAct(name, command))
 
 
 def stop(memory: Memory, turn: Turn) -> Memory:
@@ -43,13 +43,13 @@ def stop(memory: Memory, turn: Turn) -> Memory:
 
 
 def hear(memory: Memory, turn: Turn) -> tuple[Memory, Outcome | None]:
-    """Take an event of the act under way; return its outcome if it is there. The act is None after its end."""
+    """Take an event of the act under way; its outcome, if it is there. The act is None after its end."""
     act = memory.act
     if act is None:
         return memory, None
     match turn.event:
-        case Received(conversation=name, content=content) as received if name == act.conversation:
-            return _told(memory, turn, act, received, content)
+        case Received(conversation=name) as received if name == act.conversation:
+            return _answered(memory, turn, act, received)
         case Broken(conversation=name) if name == act.conversation:
             why = (fact(Kind.BROKE_OFF, AgentName.EX),)
             return _over(memory, turn), rc.NotDone(act.command.key, rc.NotDoneKind.INTERRUPTED, why)
@@ -81,7 +81,8 @@ def unanswered(memory: Memory, turn: Turn) -> bool:
             return False
 
 
-def _told(memory: Memory, turn: Turn, act: Act, received: Received, content: object) -> tuple[Memory, Outcome | None]:
+def _answered(memory: Memory, turn: Turn, act: RunningAct, received: Received) -> tuple[Memory, Outcome | None]:
+    content = received.content
     if isinstance(content, rc.Accepted):
         turn.wake(PATIENCE, turn.now + turn.parameter(SLACK, float) * content.duration + MARGIN_S)
         return replace(memory, act=replace(act, agreed=True)), None

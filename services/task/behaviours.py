@@ -1,16 +1,18 @@
 """The behaviours of ta outside the plan, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
 
 idle -> running (the machine of the plan: running.py) -> closing -> finished -> idle; with waiting where an act waits
-for the operator (stepping.py), with stopping and securing before closing if a plan is cancelled or an act is late. Must
+for the operator, with stopping and securing before closing if a plan is cancelled or an act is late. Must
 not know: pl, geometry.
 """
 
 import msgspec
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.events import Broken, Received, Settled, Started, Woken
+from agent_runtime.core.events import Broken, Ordered, Received, Settled, Started, Woken
 from agent_runtime.core.turn import Turn
+from companion.autonomy import WAIT_S, Verb
 from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import evidence, facts, hfsm, rc, sw, wm
@@ -18,24 +20,24 @@ from companion.languages.evidence import Claim
 from companion.languages.facts import Facts, Kind, fact
 from companion.sentences import operator
 from fipa_codec.performatives import Performative
-from services.task import acts, running, stepping
+from services.task import acts, orders, running
 from services.task import plan as plans
-from services.task.memory import CONDITIONS, Memory
-from services.task.words import SURVEY
+from services.task.memory import CONDITIONS, Memory, Pending
+from services.task.outgoing_messages import SURVEY
 
 SURVEYS = 3  # tries of a look around; estimate: ex may still be starting at the first
 AGAIN_S, AGAIN = 2.0, "survey again"
 BARRIER_S, BARRIER = 30.0, "barrier"  # estimate: km is restarted within seconds, or it is gone for good
+NOBODY = "nobody came"  # wake-up at the end of the wait for an operator
 REASON_BYTES = 200  # with the evidence; a report must stay within its 400 bytes
 
 
 def agent() -> Agent[Memory]:
-    """Return the agent ta."""
     behaviours = {
         "await_plan": await_plan,
         "survey": survey,
         "run_plan": running.run_plan,
-        "await_operator": stepping.await_operator,
+        "await_operator": await_operator,
         "stop_act": stop_act,
         "make_safe": running.make_safe,
         "close_plan": close_plan,
@@ -71,7 +73,7 @@ def _taken(memory: Memory, turn: Turn, conversation: str, plan: hfsm.Hierarchica
 
 
 def _between_plans(memory: Memory) -> Memory:
-    """Return what is kept from plan to plan; of the evidence, what hands hold, and what nobody has checked yet."""
+    """The memory that is kept from plan to plan; of the evidence, what hands hold, and what nobody has checked yet."""
     kept = tuple(one for one in memory.evidence if one.claim is Claim.HELD or not one.by)
     return Memory(hands=memory.hands, evidence=kept, acts=memory.acts)
 
@@ -111,6 +113,51 @@ def _look_around(memory: Memory, turn: Turn) -> Memory:
         return memory
     number = memory.acts + 1
     return acts.begin(replace(memory, acts=number), turn, replace(SURVEY, key=f"{SURVEY.key}-{number}"))
+
+
+# --- waiting ----------------------------------------------------------------------------------------------------------
+
+
+def await_operator(memory: Memory, turn: Turn) -> Memory:
+    """State waiting: tell co what waits; go on when the operator says so, end where nobody does or the plan is
+    cancelled.
+
+    ta waits between two leaves, with no act under way. Putting down what a cancelled plan holds waits for nobody.
+    """
+    if turn.event is None:
+        turn.wake(NOBODY, turn.now + WAIT_S)
+        running.tell(memory, turn, sw.WorkerState.WAITING)
+        return memory
+    memory = _answered(running.always(memory, turn), turn)
+    if not memory.asked:
+        turn.unwake(NOBODY)
+    return memory
+
+
+def _answered(memory: Memory, turn: Turn) -> Memory:
+    match turn.event:
+        case Received(communicate=message, conversation=name) if name == memory.conversation:
+            cancelled = message.performative is Performative.CANCEL
+            return running.preempted(memory, turn, ()) if cancelled else memory
+        case Woken(name=name) if name == NOBODY:
+            held = (fact(Kind.HOLDING, *memory.hands.values()),) if memory.hands else ()
+            why = (fact(Kind.NOBODY_CAME, WAIT_S / 60.0), *held)
+            return replace(memory, end=sw.WorkerState.FAILED, why=why, pending=UNSET)
+        case Ordered():
+            return _ordered(memory, turn)
+    return memory
+
+
+def _ordered(memory: Memory, turn: Turn) -> Memory:
+    """Take an order about the leaf that waits, or a level at which it need not wait."""
+    verb = orders.verb_about(turn, orders.place(memory))
+    if verb is Verb.REPLAN:
+        following = plans.after(memory.machine, memory.asked, hfsm.Outcome.REPLAN)
+        if isinstance(following, hfsm.Outcome):
+            return replace(memory, end=running.ENDS[following], why=orders.WANTED, pending=UNSET)
+        return replace(memory, pending=Pending(following, let=True))
+    free = verb is Verb.GO or not orders.asks(memory, turn, plans.leaf(memory.machine, memory.asked))
+    return replace(memory, pending=Pending(memory.asked, let=True)) if free else memory
 
 
 # --- stopping ---------------------------------------------------------------------------------------------------------

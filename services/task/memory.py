@@ -1,5 +1,7 @@
 """Memory of ta between two steps: the plan and the position in it, the act under way; conditions of the design."""
 
+from collections.abc import Callable
+
 import msgspec
 
 from companion.acts import AnyAct
@@ -10,7 +12,7 @@ from companion.languages.values import Side
 from services.task import plan as plans
 
 
-class Act(msgspec.Struct, frozen=True):
+class RunningAct(msgspec.Struct, frozen=True):
     """An act requested of ex. `agreed`: ex agreed; `stopped`: a cancel was sent."""
 
     conversation: str
@@ -20,7 +22,7 @@ class Act(msgspec.Struct, frozen=True):
 
 
 class Pending(msgspec.Struct, frozen=True):
-    """The position that waits for the operator, or that the operator has `let` begin."""
+    """The position that waits for the operator, or that the operator has let begin (`let`)."""
 
     position: plans.Position
     let: bool = False
@@ -47,7 +49,7 @@ class Memory(msgspec.Struct, frozen=True):
     plan: hfsm.HierarchicalPlan | None = None
     safe: hfsm.Machine | None = None
     at: plans.Position = ()
-    act: Act | None = None
+    act: RunningAct | None = None
     looking: bool = False
     cancelled: bool = False
     secured: int = 0
@@ -79,72 +81,32 @@ class Memory(msgspec.Struct, frozen=True):
         return self.pending.position if isinstance(self.pending, Pending) and self.pending.let else ()
 
 
-def plan_taken(memory: Memory) -> bool:
-    """Whether there is a plan to run."""
-    return memory.plan is not None
-
-
-def survey_wanted(memory: Memory) -> bool:
-    """Whether a new observer waits for a look around."""
-    return memory.survey > 0
-
-
-def work_arrived(memory: Memory) -> bool:
-    """Whether there is something to do."""
-    return plan_taken(memory) or survey_wanted(memory)
-
-
-def plan_over(memory: Memory) -> bool:
-    """Whether no further state of the plan will be entered."""
-    return memory.end is not None
-
-
-def plan_stands(memory: Memory) -> bool:
-    """Whether the plan is over, or waits for the operator."""
-    return plan_over(memory) or bool(memory.asked)
-
-
-def operator_decided(memory: Memory) -> bool:
-    """Whether nothing waits for the operator any more."""
-    return not memory.asked
-
-
-def act_under_way(memory: Memory) -> bool:
-    """Whether an act is under way."""
-    return memory.act is not None
-
-
-def act_settled(memory: Memory) -> bool:
-    """Whether no act is under way."""
-    return memory.act is None
-
-
 def something_to_secure(memory: Memory) -> bool:
     """Whether a cancelled plan left something in a hand, knows how to put it down, and has not tried yet."""
     return memory.cancelled and not memory.secured and bool(memory.hands) and way_to_safety(memory) is not None
 
 
 def way_to_safety(memory: Memory) -> hfsm.Machine | None:
-    """Return the machine that makes the plan safe at its position, None if there is none."""
+    """The machine that makes the plan safe at its position, None if there is none."""
     if memory.plan is None or not memory.at:
         return None
     return plans.safe(memory.plan.root, memory.at)
 
 
-CONDITIONS = {
-    "work_arrived": work_arrived,
-    "plan_taken": plan_taken,
-    "survey_wanted": survey_wanted,
-    "survey_over": lambda memory: not survey_wanted(memory),
-    "plan_over": plan_over,
-    "plan_stands": plan_stands,
+CONDITIONS: dict[str, Callable[[Memory], bool]] = {
+    "work_arrived": lambda memory: memory.plan is not None or memory.survey > 0,
+    "plan_taken": lambda memory: memory.plan is not None,
+    "survey_wanted": lambda memory: memory.survey > 0,
+    "survey_over": lambda memory: memory.survey <= 0,
+    "plan_over": lambda memory: memory.end is not None,
+    "plan_stands": lambda memory: memory.end is not None or bool(memory.asked),
     "operator_asked": lambda memory: bool(memory.asked),
-    "operator_decided": operator_decided,
+    "operator_decided": lambda memory: not memory.asked,
     "plan_broken": lambda memory: False,
-    "act_under_way": act_under_way,
-    "act_settled": act_settled,
+    "act_under_way": lambda memory: memory.act is not None,
+    "act_settled": lambda memory: memory.act is None,
     "something_to_secure": something_to_secure,
-    "safe": plan_over,
+    "safe": lambda memory: memory.end is not None,
     "cannot_make_safe": lambda memory: False,
     "final_report_sent": lambda memory: memory.reported,
     "acknowledged": lambda memory: memory.plan is None,

@@ -1,7 +1,6 @@
 """Orders of the operator about a plan: which acts wait for one, and what an order says (levels: companion.autonomy)."""
 
 import msgspec
-from msgspec.structs import replace
 
 from agent_runtime.core.control import SetParameter
 from agent_runtime.core.events import Ordered
@@ -14,7 +13,7 @@ from companion.languages.hfsm import Place
 from services.task import plan as plans
 from services.task.memory import Memory
 
-NAME_CHARS, STEP_BYTES = 40, 60  # a report must stay within its 400 bytes
+NAME_CHARS, STEP_BYTES = 40, 60  # of a place: the ends of names, no longer step; a report must stay within 400 bytes
 WANTED = (fact(Kind.OPERATOR_WANTS_A_PLAN),)
 
 
@@ -26,26 +25,26 @@ def asks(memory: Memory, turn: Turn, leaf: plans.Leaf) -> bool:
 
 
 def replan_wanted(memory: Memory, turn: Turn) -> bool:
-    """Whether this event is the operator's word to end the act under way, which is none of looking around."""
+    """Whether this event is the operator's order to end the act under way, which is none of looking around."""
     return memory.act is not None and not memory.looking and verb_about(turn, place(memory)) is Verb.REPLAN
 
 
 def verb_about(turn: Turn, at: Place | None) -> Verb | None:
-    """Return what the operator wants of this leaf, where the event is a word about it."""
+    """What the operator wants of this leaf, where the event is an order about it."""
     match turn.event:
         case Ordered(command=command) if (
             isinstance(command.order, SetParameter) and command.order.name == autonomy.STEP
         ):
-            word = autonomy.read(str(command.order.value))
+            order = autonomy.read(str(command.order.value))
             here = at.id if at is not None else ""
-            if word is not None and word.at == here:
-                return word.verb
+            if order is not None and order.at == here:
+                return order.verb
             turn.log("word of the operator about another leaf", at=here, word=str(command.order.value))
     return None
 
 
 def place(memory: Memory) -> Place | None:
-    """Return where the leaf is that waits or is active, as co is told of it; None before the first one."""
+    """Where the leaf is that waits or is active, as co is told of it; None before the first one."""
     at = memory.asked or memory.at
     first = memory.safe or (plans.state_at(memory.machine, at[:1]) if at else None)
     if first is None:
@@ -54,11 +53,6 @@ def place(memory: Memory) -> Place | None:
     command = leaf.command if isinstance(leaf, hfsm.ActState) else None
     path = (*((memory.safe.name,) if memory.safe else ()), *at)
     act = type(command).__name__ if command is not None else ""
-    return _fitting(Place(path, hfsm.step_of(first), act, getattr(command, "side", None)))
-
-
-def _fitting(place: Place) -> Place:
-    """Cut a place to the budget of a report: names of states to their ends, and a step whose things are too long."""
-    path = tuple(name[-NAME_CHARS:] for name in place.path)
-    step = place.step if len(msgspec.msgpack.encode(place.step)) <= STEP_BYTES else None
-    return replace(place, path=path, step=step)
+    step = hfsm.step_of(first)
+    short = step if len(msgspec.msgpack.encode(step)) <= STEP_BYTES else None
+    return Place(tuple(name[-NAME_CHARS:] for name in path), short, act, getattr(command, "side", None))

@@ -21,13 +21,13 @@ class PlanError(ValueError):
 
 
 def first(machine: hfsm.Machine) -> Position:
-    """Return the position of the first leaf of a machine."""
+    """The position of the first leaf of a machine."""
     state = _child(machine, machine.initial, machine.name)
     return (state.name, *first(state)) if isinstance(state, hfsm.Machine) else (state.name,)
 
 
 def leaf(root: hfsm.Machine, position: Position) -> Leaf:
-    """Return the leaf at a position. Raises PlanError if there is none."""
+    """The leaf at a position. Raises PlanError if there is none."""
     state = state_at(root, position)
     if isinstance(state, hfsm.Machine):
         raise PlanError("/".join((root.name, *position)), "a leaf", _names(state.states))
@@ -35,12 +35,13 @@ def leaf(root: hfsm.Machine, position: Position) -> Leaf:
 
 
 def after(root: hfsm.Machine, position: Position, outcome: hfsm.Outcome) -> Position | hfsm.Outcome:
-    """Return where an outcome of the leaf at `position` leads: the next position, or the outcome of the plan.
+    """Where an outcome of the leaf at `position` leads: the next position, or the outcome of the plan.
 
     A state without an arc for the outcome passes it up to its machine (hfsm.Machine).
     """
     for depth in range(len(position) - 1, -1, -1):
-        machine = _machine(root, position[:depth])
+        machine = state_at(root, position[:depth])
+        assert isinstance(machine, hfsm.Machine), f"position {position[:depth]} names a leaf"
         state = _child(machine, position[depth], machine.name)
         target = next((arc.to for arc in _arcs(state) if arc.on == outcome), "")
         if target:
@@ -51,7 +52,7 @@ def after(root: hfsm.Machine, position: Position, outcome: hfsm.Outcome) -> Posi
 
 
 def safe(root: hfsm.Machine, position: Position) -> hfsm.Machine | None:
-    """Return the machine that makes the plan safe if cancelled at `position`: the innermost one given."""
+    """The machine that makes the plan safe if cancelled at `position`: the innermost one given."""
     for depth in range(len(position), -1, -1):
         state = state_at(root, position[:depth])
         if isinstance(state, hfsm.Machine) and state.safe is not None:
@@ -84,18 +85,12 @@ def _names(states: tuple[hfsm.State, ...]) -> tuple[str, ...]:
 
 
 def state_at(root: hfsm.Machine, position: Position) -> hfsm.State:
-    """Return the state at a position; the root at (). Raises PlanError if there is none."""
+    """The state at a position; the root at (). Raises PlanError if there is none."""
     state: hfsm.State = root
     for name in position:
         if not isinstance(state, hfsm.Machine):
             raise PlanError(state.name, name, ())
         state = _child(state, name, state.name)
-    return state
-
-
-def _machine(root: hfsm.Machine, position: Position) -> hfsm.Machine:
-    state = state_at(root, position)
-    assert isinstance(state, hfsm.Machine), f"position {position} names a leaf"
     return state
 
 

@@ -20,7 +20,7 @@ from fipa_codec.performatives import Performative
 from services.task import acts, orders
 from services.task import plan as plans
 from services.task.memory import Memory, Pending, Soft, way_to_safety
-from services.task.words import SURVEY, ill, not_checked
+from services.task.outgoing_messages import SURVEY, ill, not_checked
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
 WHY_BYTES = 200  # of a report on the way, which must stay within its 400 bytes with its place
@@ -33,22 +33,9 @@ ENDS = {
     Outcome.REPLAN: sw.WorkerState.REPLAN,
     Outcome.PREEMPTED: sw.WorkerState.PREEMPTED,
 }
-LOOK_FIRST = (
-    rc.NotDoneKind.UNKNOWN,
-    rc.NotDoneKind.NEW_WORLD,
-    rc.NotDoneKind.LOST,
-    rc.NotDoneKind.EMPTY,
-    rc.NotDoneKind.MISSING,
-    rc.NotDoneKind.BLOCKED,
-)
-_PLAN_AGAIN = (
-    rc.NotDoneKind.REPLAN,
-    rc.NotDoneKind.SLIPPED,
-    rc.NotDoneKind.BUSY,
-    rc.NotDoneKind.INTERRUPTED,
-    *LOOK_FIRST,
-)
-OF_KIND: dict[str, Outcome] = dict.fromkeys(_PLAN_AGAIN, Outcome.REPLAN)
+No = rc.NotDoneKind
+LOOK_FIRST = (No.UNKNOWN, No.NEW_WORLD, No.LOST, No.EMPTY, No.MISSING, No.BLOCKED)
+PLAN_AGAIN = (No.REPLAN, No.SLIPPED, No.BUSY, No.INTERRUPTED, *LOOK_FIRST)
 """Kinds of NotDone after which a new plan may succeed: the world is not as planned, or the machine failed."""
 
 
@@ -82,8 +69,8 @@ def run_plan(memory: Memory, turn: Turn) -> Memory:
     if memory.end is not None:
         return memory
     match turn.event:
-        case Received(communicate=word, conversation=name) if name == memory.conversation:
-            return preempted(memory, turn, ()) if word.performative is Performative.CANCEL else memory
+        case Received(communicate=message, conversation=name) if name == memory.conversation:
+            return preempted(memory, turn, ()) if message.performative is Performative.CANCEL else memory
         case Ordered() if orders.replan_wanted(memory, turn):
             return replace(acts.stop(memory, turn), end=sw.WorkerState.REPLAN, why=orders.WANTED)
         case _:
@@ -100,7 +87,7 @@ def preempted(memory: Memory, turn: Turn, why: Facts) -> Memory:
 
 
 def _finish(memory: Memory, outcome: Outcome, why: Facts) -> Memory:
-    """End the plan. If no other one follows, say what nobody has checked: a thing may stand though no look shows it."""
+    """End the plan. If no other follows, say what nobody has checked: an object may stand though no look shows it."""
     if outcome is Outcome.REPLAN:
         return replace(memory, end=ENDS[outcome], why=why)
     return replace(memory, end=ENDS[outcome], why=(*(memory.told or ()), *why, *not_checked(memory.evidence)))
@@ -149,15 +136,11 @@ def enter(
     memory = replace(memory, at=position)
     tell(memory, turn, sw.WorkerState.RUNNING)
     if isinstance(leaf, hfsm.ActState):
-        return acts.begin(memory, turn, _named(memory, leaf.command))
+        again = f".{memory.secured}" if memory.secured > 1 else ""  # a new key if it is requested again
+        return acts.begin(memory, turn, replace(leaf.command, key=f"{leaf.command.key}{again}"))
     if isinstance(leaf, hfsm.AskState):
         return _ask(memory, turn, leaf)
     return leave(memory, turn, leaf.outcome, leaf.why, finish or _finish)
-
-
-def _named(memory: Memory, command: rc.Command) -> rc.Command:
-    """Return the command, with a new key if it is requested again."""
-    return replace(command, key=f"{command.key}.{memory.secured}") if memory.secured > 1 else command
 
 
 def leave(memory: Memory, turn: Turn, outcome: Outcome, why: Facts, finish: Finish) -> Memory:
@@ -194,7 +177,7 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
     if outcome.kind in LOOK_FIRST and memory.safe is None:
         return _look(memory, turn, outcome.key, outcome.why)
     why = (*outcome.why, *ill(outcome))
-    return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), why, finish)
+    return leave(memory, turn, Outcome.REPLAN if outcome.kind in PLAN_AGAIN else Outcome.FAILED, why, finish)
 
 
 def _look(memory: Memory, turn: Turn, key: str, why: Facts) -> Memory:
@@ -213,7 +196,7 @@ def _done(memory: Memory, turn: Turn, done: rc.Done, finish: Finish) -> Memory:
     row, needs = ACTS[type(leaf.command)], needed(type(leaf.command))
     lacking = tuple(one for one in done.evidence if not one.by and one.claim in needs)
     end = Outcome.SUCCEEDED if row.fulfilled(leaf.command, done) and not lacking else Outcome.FAILED
-    told = row.told(leaf.command, done)
+    told = row.outcome_facts(leaf.command, done)
     if row.remembered and not isinstance(plans.after(memory.machine, memory.at, end), Outcome):
         memory = replace(memory, told=(*(memory.told or ()), *told))
     return leave(memory, turn, end, (*(told or not_checked(lacking)), *ill(done)), finish)
@@ -239,7 +222,7 @@ def _answered(memory: Memory, turn: Turn, finish: Finish) -> Memory:
             memory = replace(memory, soft=Soft())
             if isinstance(content, wm.Truth) and content.value is leaf.expect:
                 return leave(memory, turn, Outcome.SUCCEEDED, (), finish)
-            return leave(memory, turn, leaf.otherwise, _no(leaf, content), finish)
+            return leave(memory, turn, leaf.otherwise, _why_not(leaf, content), finish)
         case Late(conversation=name) | Broken(conversation=name) if name == memory.soft.question:
             why = (fact(Kind.NOT_ANSWERING, AgentName.KM),)
             return leave(replace(memory, soft=Soft()), turn, Outcome.FAILED, why, finish)
@@ -247,8 +230,8 @@ def _answered(memory: Memory, turn: Turn, finish: Finish) -> Memory:
             return memory
 
 
-def _no(leaf: hfsm.AskState, content: object) -> Facts:
-    """Return why km does not answer as the plan expects."""
+def _why_not(leaf: hfsm.AskState, content: object) -> Facts:
+    """Why km does not answer as the plan expects."""
     if isinstance(content, wm.Unknown):
         return content.why
     match leaf.query:

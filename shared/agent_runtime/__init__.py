@@ -1,4 +1,4 @@
-"""Embodied agents in general (paper, section 3): pure core, journal, pretend wires, and the shell that does the I/O.
+"""Embodied agents in general (paper, section 3): pure core, journal, an in-memory bus, and the shell that does the I/O.
 
 How to write an agent (tests/agent_runtime/toy_agents.py is a whole one):
 
@@ -15,7 +15,7 @@ How to write an agent (tests/agent_runtime/toy_agents.py is a whole one):
 5. `Started(first=False)`: soft things are gone; ask, subscribe or search again. Durable conversations, wake-ups and the
    memory are there.
 6. Build `Agent` from the design's table and `Wiring` from its channels (agent_runtime.core.binding binds by name).
-7. Run it on `wires.Wires` in tests, by `shell.run` in a process: the same core, the same bytes.
+7. Run it on `testing.memory_bus.MemoryBus` in tests, by `shell.run` in a process: the same core, the same bytes.
 
 A peer's slips (out of sequence, content of no language) are answered not-understood and counted; a conversation that
 ends so comes as Broken. Our own slips raise. A cancel for an ended conversation is answered by the core.

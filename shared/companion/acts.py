@@ -27,7 +27,7 @@ GENERAL = (
     ActRow(rc.MoveCartesian, (THERE, held("")), rest_s=5.0),
     ActRow(rc.Grasp, (THERE, held("object", Otherwise.FAILED)), rest_s=12.0, handles=True),
     ActRow(rc.Release, (THERE, _STANDS), rest_s=20.0, handles=True),
-    ActRow(rc.Look, (THERE, _LOOKED, _PUT), rest_s=15.0, told=_seen),
+    ActRow(rc.Look, (THERE, _LOOKED, _PUT), rest_s=15.0, outcome_facts=_seen),
     ActRow(rc.Home, (THERE,)),
 )
 ACTS: dict[type[rc.Command], ActRow] = {
@@ -43,5 +43,5 @@ else:
 
 
 def needed(act: type[rc.Command]) -> frozenset[AnyClaim]:
-    """Return the claims about things without which an act fails: a sense must have told of each."""
+    """The claims about things without which an act fails: a sense must have told of each."""
     return frozenset(one.claim for one in ACTS[act].checks if one.otherwise is Otherwise.FAILED and one.claim.kept)

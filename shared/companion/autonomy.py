@@ -43,11 +43,11 @@ class Word(msgspec.Struct, frozen=True):
     at: str
 
     def __str__(self) -> str:
-        """Return it as the value of the parameter."""
+        """The value of the parameter that says it."""
         return f"{self.verb} {self.at}"
 
 
 def read(text: str) -> Word | None:
-    """Return the word that a value of the parameter says, None where it says none."""
+    """The word that a value of the parameter says, None where it says none."""
     verb, _, at = text.partition(" ")
     return Word(Verb(verb), at) if verb in [*Verb] and at else None

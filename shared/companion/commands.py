@@ -67,25 +67,25 @@ class Row(msgspec.Struct, frozen=True):
 
 
 def phrases(module: str) -> Phrases:
-    """Return the phrases beside this module of a task."""
+    """The phrases beside this module of a task."""
     file = resources.files(module.rpartition(".")[0]).joinpath("phrases.toml")
     return msgspec.toml.decode(file.read_bytes(), type=Phrases)
 
 
 @cache
 def rows() -> tuple[Row, ...]:
-    """Return the rows of all tasks that a person may ask for, by rank."""
+    """The rows of all tasks that a person may ask for, by rank."""
     found: Iterator[Row] = (part.ROW for part in tasks.parts("command"))
     return tuple(sorted(found, key=lambda row: row.phrases.rank))
 
 
 def wishes() -> tuple[tuple[Row, Wish], ...]:
-    """Return the wishes of all tasks, each with the row of its task."""
+    """The wishes of all tasks, each with the row of its task."""
     return tuple((row, wish) for row in rows() for wish in row.phrases.wish)
 
 
 def maker(row: Row, wish: Wish) -> Make:
-    """Return the function that makes the command of a wish. Raises ValueError if its row has none of that name."""
+    """The function that makes the command of a wish. Raises ValueError if its row has none of that name."""
     if wish.does not in row.make:
         named = ", ".join(row.make)
         raise ValueError(
@@ -95,7 +95,7 @@ def maker(row: Row, wish: Wish) -> Make:
 
 
 def table(name: str, language: str, general: dict[str, str]) -> dict[str, str]:
-    """Return a table of Phrases with the rows of all tasks behind the general ones. Raises ValueError if two agree."""
+    """A table of Phrases with the rows of all tasks behind the general ones. Raises ValueError if two agree."""
     found = dict(general)
     for row in rows():
         more: dict[str, str] = getattr(row.phrases, name).get(language, {})
@@ -106,16 +106,16 @@ def table(name: str, language: str, general: dict[str, str]) -> dict[str, str]:
 
 
 def buttons(language: str) -> tuple[str, ...]:
-    """Return the sentences that need no thing, as they are offered at any time."""
+    """The sentences that need no thing, as they are offered at any time."""
     alone = ((row, row.make[wish.does]((), "")) for row, wish in wishes() if wish.offer is Offer.ALONE)
     return tuple(row.phrases.say[language][command.says] for row, command in alone)
 
 
 def example(language: str) -> str:
-    """Return a sentence to begin with."""
+    """A sentence to begin with."""
     return next(wish.example[language] for _, wish in wishes() if wish.example)
 
 
 def survey() -> Command:
-    """Return the command to look around."""
+    """The command to look around."""
     return next(row.content() for row in rows() if row.content.surveys)

@@ -15,7 +15,7 @@ class Eyes(StrEnum):
 
 
 def eyes(asked: str, lost: Callable[[], str]) -> tuple[Eyes, str]:
-    """Return the eyes of this name, for "" pixels where they can be had; and why not, where they are rays for that.
+    """The eyes of this name, for "" pixels where they can be had; and why not, where they are rays for that.
 
     `lost` tells why nothing can be drawn, "" where something can. Raise ValueError where pixels were asked for that
     cannot be had, and for another name.

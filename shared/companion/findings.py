@@ -18,12 +18,12 @@ QUERY_INTERFACES = ("knowledge", "hypotheses")
 
 
 def findings(design: Design = DESIGN) -> tuple[Finding, ...]:
-    """Return all inconsistencies in the design, and between it and the languages; () if there are none."""
+    """All inconsistencies in the design, and between it and the languages; () if there are none."""
     return (*check.check(design), *agreement_findings(design))
 
 
 def agreement_findings(design: Design) -> tuple[Finding, ...]:
-    """Return all inconsistencies between the design and the languages; () if there are none."""
+    """All inconsistencies between the design and the languages; () if there are none."""
     classes = {
         entry.name: [kind.__name__ for kind in LANGUAGES.named(entry.name).classes]
         for entry in design.file.language

@@ -22,7 +22,7 @@ Sight = tuple[Pose, Uncertainty | None]
 
 
 def fused(kept: Sight, seen: Sight) -> Sight:
-    """Return both sights as one; `seen`, the newer one, alone where they do not agree or one is of unknown quality."""
+    """Both sights as one; `seen`, the newer one, alone where they do not agree or one is of unknown quality."""
     (before, sure), (now, unsure) = kept, seen
     if sure is None or unsure is None:
         return seen
@@ -36,7 +36,7 @@ def fused(kept: Sight, seen: Sight) -> Sight:
 
 
 def _deviation(before: Pose, sure: Uncertainty, now: Pose, unsure: Uncertainty, about: float) -> float:
-    """Return the squared distance of two poses by their uncertainty; infinite where that is none."""
+    """The squared distance of two poses by their uncertainty; infinite where that is none."""
     turn = sure.turn + unsure.turn
     if not (_positive(sure.xyz) and _positive(unsure.xyz) and turn > 0.0):
         return math.inf
@@ -46,7 +46,7 @@ def _deviation(before: Pose, sure: Uncertainty, now: Pose, unsure: Uncertainty, 
 
 
 def _about_vertical(before: Pose, now: Pose) -> float | None:
-    """Return the rotation about the vertical between two poses [rad]; None where it is about another axis, too."""
+    """The rotation about the vertical between two poses [rad]; None where it is about another axis, too."""
     w, x, y, z = before.quat_wxyz
     a, b, c, d = now.quat_wxyz
     turned = a * w + b * x + c * y + d * z
@@ -58,7 +58,7 @@ def _about_vertical(before: Pose, now: Pose) -> float | None:
 
 
 def _intersected(a: Vector, of_a: Symmetric, b: Vector, of_b: Symmetric) -> tuple[Vector, Symmetric]:
-    """Return place and covariance by the weights that leave the smallest ellipsoid, or the most even of equal ones."""
+    """Place and covariance by the weights that leave the smallest ellipsoid, or the most even of equal ones."""
     known_a, known_b = _inverse(of_a), _inverse(of_b)
     sizes = {share: _determinant(_mixed(share, known_a, known_b)) for share in SHARES}
     good = (share for share, size in sizes.items() if size >= (1.0 - EQUAL) * max(sizes.values()))

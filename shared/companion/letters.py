@@ -16,7 +16,7 @@ _NAMED = re.compile(r"\b(?:LATIN\b.*|REGIONAL INDICATOR SYMBOL) LETTER (?:SMALL 
 
 
 def fold(text: str) -> str:
-    """Return the text in small letters without accents and invisible characters; a look-alike as the letter it shows.
+    """The text in small letters without accents and invisible characters; a look-alike as the letter it shows.
 
     A letter that looks like l and like i is "1". Never raises.
     """

@@ -5,24 +5,28 @@ numbers have their sources. Must not know: agents, where any thing is.
 """
 
 import math
-import tomllib
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
-from companion.handles import Handle
 from companion.languages import wm
 from companion.languages.values import Box, Cylinder, Pose, Shape, Side, Vector
+from companion.quaternions import conjugate, product
 
 UP: Vector = (0.0, 0.0, 1.0)
+_HALF = math.sqrt(0.5)
 LYING = "lying"
 """Kind of the grasps of things that lie on their side."""
 ACROSS = {
-    "lying": (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0),
-    "lying_turned": (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)),
+    "lying": (_HALF, 0.0, -_HALF, 0.0),
+    "lying_turned": (0.0, _HALF, 0.0, _HALF),
 }
 """Turn of a thing in a grasp across its axis: its z is the grip's -x, as where it stands (grasps.json, jar), or x."""
+HANDLE = "handle"
+"""Kind of the grasps of a leaf by the bar of its handle: the leaf is turned by them, not taken."""
+ALONG = (("down", (_HALF, 0.0, _HALF, 0.0), -1.0), ("up", (0.0, _HALF, 0.0, _HALF), 1.0))
+"""Name of a grasp of a handle, T_leaf_grip with the grip's z along the leaf's x, and whether the grip's x points up."""
 UPRIGHT = math.cos(math.radians(15.0))
 """Of the axis of a thing to the vertical: farther tilted, it lies (as velma.kinematics.frames has it)."""
 BEFORE_M = 0.15
@@ -40,14 +44,14 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Base(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The disc a thing stands on: height in its frame and radius [m]."""
+    """The disc an object stands on: height in its frame and radius [m]."""
 
     z: float
     radius: float
 
 
 class Flat(msgspec.Struct, frozen=True, array_like=True):
-    """A horizontal rectangle of a thing: centre in its frame, edge lengths along its x and y [m]."""
+    """A horizontal rectangle of an object: centre in its frame, edge lengths along its x and y [m]."""
 
     x: float
     y: float
@@ -57,41 +61,14 @@ class Flat(msgspec.Struct, frozen=True, array_like=True):
 
     @property
     def centre(self) -> Vector:
-        """Its middle, in the thing's frame."""
         return self.x, self.y, self.z
 
 
-class Model(msgspec.Struct, frozen=True):
-    """A kind of thing. `kind` is its class in the ontology; shapes are in its own frame."""
+class Solid(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A box with its edge lengths, or an upright cylinder with radius and length [m]."""
 
-    name: str
-    kind: str
-    source: str
-    moveable: bool
-    mass: float
-    symmetric: bool
-    base: Base
-    shapes: tuple[Shape, ...]
-    hole: Opening | None = None
-    surfaces: tuple[Flat, ...] = ()
-
-    def of(self, object: str) -> wm.ModelOf:
-        """The answer of km about one thing of this kind."""
-        return wm.ModelOf(
-            object=object,
-            model=self.name,
-            shapes=self.shapes,
-            moveable=self.moveable,
-            mass=self.mass,
-            symmetric=self.symmetric,
-            base_z=self.base.z,
-            base_radius=self.base.radius,
-        )
-
-
-class _Solid(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     at: Vector
-    size: Vector | None = None
+    size: Vector = (0.0, 0.0, 0.0)
     radius: float = 0.0
     length: float = 0.0
 
@@ -112,23 +89,22 @@ class Flared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """
         z0 = self.floor / 2
         slant = math.atan2(self.rim - self.base, self.height - z0)
-        board = (
-            self.wall,
-            2 * self.rim * math.tan(math.pi / self.boxes),
-            math.hypot(self.rim - self.base, self.height - z0),
-        )
-        middle = (self.rim + self.base) / 2 - self.wall / 2
-        disc = Cylinder(self.base, self.floor, Pose((0.0, 0.0, z0)))
-        return (disc, *(self._board(board, middle, (self.height + z0) / 2, slant, k) for k in range(self.boxes)))
-
-    def _board(self, size: Vector, radius: float, z: float, slant: float, k: int) -> Box:
-        """The k-th board: turned about y by the slant, then about z to its place."""
-        a = 2 * math.pi * k / self.boxes
-        (ca, sa), (cs, ss) = _half(a), _half(slant)
-        return Box(size, Pose((radius * math.cos(a), radius * math.sin(a), z), (ca * cs, -sa * ss, ca * ss, sa * cs)))
+        slanted = math.hypot(self.rim - self.base, self.height - z0)
+        size = (self.wall, 2 * self.rim * math.tan(math.pi / self.boxes), slanted)
+        radius, z = (self.rim + self.base) / 2 - self.wall / 2, (self.height + z0) / 2
+        cs, ss = math.cos(slant / 2), math.sin(slant / 2)
+        found: list[Shape] = [Cylinder(self.base, self.floor, Pose((0.0, 0.0, z0)))]
+        for k in range(self.boxes):  # turned about y by the slant, then about z to its place
+            a = 2 * math.pi * k / self.boxes
+            ca, sa = math.cos(a / 2), math.sin(a / 2)
+            at = Pose((radius * math.cos(a), radius * math.sin(a), z), (ca * cs, -sa * ss, ca * ss, sa * cs))
+            found.append(Box(size, at))
+        return tuple(found)
 
 
-class _ModelEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
+    """A kind of object. `kind` is its class in the ontology; shapes are in its own frame."""
+
     name: str
     kind: str
     source: str
@@ -137,26 +113,68 @@ class _ModelEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     base: Base
     symmetric: bool = False
     hole: Opening | None = None
-    boxes: tuple[_Solid, ...] = ()
-    cylinders: tuple[_Solid, ...] = ()
+    boxes: tuple[Solid, ...] = ()
+    cylinders: tuple[Solid, ...] = ()
     flared: Flared | None = None
     surfaces: tuple[Flat, ...] = ()
 
-    def model(self) -> Model:
-        boxes = (Box(solid.size or (0.0, 0.0, 0.0), Pose(solid.at)) for solid in self.boxes)
-        cylinders = (Cylinder(solid.radius, solid.length, Pose(solid.at)) for solid in self.cylinders)
-        return Model(
-            name=self.name,
-            kind=self.kind,
-            source=self.source,
+    @cached_property
+    def shapes(self) -> tuple[Shape, ...]:
+        boxes = (Box(one.size, Pose(one.at)) for one in self.boxes)
+        cylinders = (Cylinder(one.radius, one.length, Pose(one.at)) for one in self.cylinders)
+        return (*boxes, *cylinders, *(self.flared.shapes() if self.flared else ()))
+
+    def of(self, object: str) -> wm.ModelOf:
+        """The answer of km about one object of this kind."""
+        return wm.ModelOf(
+            object=object,
+            model=self.name,
+            shapes=self.shapes,
             moveable=self.moveable,
             mass=self.mass,
             symmetric=self.symmetric,
-            base=self.base,
-            shapes=(*boxes, *cylinders, *(self.flared.shapes() if self.flared else ())),
-            hole=self.hole,
-            surfaces=self.surfaces,
+            base_z=self.base.z,
+            base_radius=self.base.radius,
         )
+
+
+class Handle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How a hand takes a leaf by the bar of its handle. The bar is upright, parallel to the hinge; the fingers close
+    across it, and the hand's approach is slanted to the panel.
+
+    The bar in the leaf's frame [m]; `depth`: its distance from the grip frame, `before`: way of the hand to it [m].
+    Fingers before they close, and where one stops that meets nothing [rad]; squeeze and speed as of a grasp; slants of
+    the hand against the panel, best first.
+    """
+
+    model: str
+    bar: Vector
+    depth: float
+    before: float
+    fingers: float
+    closed: float
+    squeeze_deg: float
+    speed: float
+    slants_deg: tuple[float, ...]
+
+    def grasps(self) -> tuple[wm.GraspDef, ...]:
+        """Each slant with the grip's x down, then each with it up."""
+        squeeze, found = math.radians(self.squeeze_deg), []
+        for name, turn, up in ALONG:
+            for slant in self.slants_deg:
+                # T_grip_leaf with the bar so deep before the grip. The slant brings the hand from the hinge's side.
+                yaw = math.pi - math.radians(slant) * math.copysign(1.0, self.bar[1])
+                c, s = math.cos(yaw), math.sin(yaw)
+                x, y, z = self.bar
+                ahead, across = c * x + s * y, up * (s * x - c * y)
+                quat = conjugate(product((math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)), turn))
+                steps = (
+                    wm.GraspStep(Pose((-up * z, -across, depth - ahead), quat), self.fingers)
+                    for depth in (self.depth + self.before, self.depth)
+                )
+                grasp = (f"{name}_{slant:g}", tuple(steps), self.closed, squeeze, self.speed, self.before, HANDLE)
+                found.append(wm.GraspDef(*grasp))
+        return tuple(found)
 
 
 class GraspKind(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -167,7 +185,7 @@ class GraspKind(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Lying(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How a hand takes a thing that lies on its side: distance of its axis from the palm's grip frame [m], fingers
+    """How a hand takes an object that lies on its side: distance of its axis from the palm's grip frame [m], fingers
     before they close [rad], the way out [m]."""
 
     squeeze_deg: float
@@ -177,7 +195,7 @@ class Lying(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Closing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Grasps of things of a model, and the way out (models.toml says what the numbers mean)."""
+    """Grasps of objects of a model, and the way out (models.toml says what the numbers mean)."""
 
     model: str
     squeeze_deg: float
@@ -198,12 +216,9 @@ class _Reach(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     left: Vector
     right: Vector
 
-    def of(self, side: Side) -> wm.Reach:
-        return wm.Reach(self.near, self.far, (self.left if side is Side.LEFT else self.right,))
-
 
 class _ModelsFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    model: tuple[_ModelEntry, ...]
+    model: tuple[Model, ...]
     closing: tuple[Closing, ...]
     reach: _Reach
     handle: tuple[Handle, ...] = ()
@@ -221,16 +236,11 @@ class _GraspsFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def fitting(known: tuple[wm.GraspDef, ...], pose: Pose) -> tuple[wm.GraspDef, ...]:
-    """Return the grasps that fit a thing as it is: those of one that lies, if it does and there are some."""
+    """The grasps that fit an object as it is: those of one that lies, if it does and there are some."""
     _, x, y, _ = pose.quat_wxyz
     lying = tuple(grasp for grasp in known if grasp.kind == LYING)
     lies = 1.0 - 2.0 * (x * x + y * y) < UPRIGHT
     return lying if lies and lying else tuple(grasp for grasp in known if grasp.kind != LYING)
-
-
-def _half(angle: float) -> tuple[float, float]:
-    """Cosine and sine of half an angle."""
-    return math.cos(angle / 2), math.sin(angle / 2)
 
 
 def _step(row: tuple[float, ...], deeper: float) -> wm.GraspStep:
@@ -241,7 +251,8 @@ def _step(row: tuple[float, ...], deeper: float) -> wm.GraspStep:
 
 
 def _grasps(closing: Closing, entry: _GraspSet) -> tuple[wm.GraspDef, ...]:
-    return tuple(
+    """The grasps of the file, and those across the axis, from above, of an object that lies."""
+    found = [
         wm.GraspDef(
             id=name,
             steps=tuple(_step(row, closing.deeper) for row in rows),
@@ -252,41 +263,25 @@ def _grasps(closing: Closing, entry: _GraspSet) -> tuple[wm.GraspDef, ...]:
             kind=closing.kind_of(number),
         )
         for number, (name, rows) in enumerate(entry.grasps)
-    )
+    ]
+    if (lies := closing.lying) is not None:
+        depths, squeeze = (lies.depth + BEFORE_M, lies.depth), math.radians(lies.squeeze_deg)
+        for name, turn in ACROSS.items():
+            steps = tuple(wm.GraspStep(Pose((0.0, 0.0, depth), turn), lies.fingers) for depth in depths)
+            found.append(wm.GraspDef(name, steps, entry.closed, squeeze, closing.speed, lies.out, LYING))
+    return tuple(found)
 
 
-def _lying(closing: Closing, entry: _GraspSet) -> tuple[wm.GraspDef, ...]:
-    """The grasps of a thing that lies, if there are some: across its axis, from above."""
-    lies = closing.lying
-    if lies is None:
-        return ()
-    depths, squeeze = (lies.depth + BEFORE_M, lies.depth), math.radians(lies.squeeze_deg)
-    return tuple(
-        wm.GraspDef(
-            id=name,
-            steps=tuple(wm.GraspStep(Pose((0.0, 0.0, depth), turn), lies.fingers) for depth in depths),
-            closed=entry.closed,
-            squeeze=squeeze,
-            speed=closing.speed,
-            out=lies.out,
-            kind=LYING,
-        )
-        for name, turn in ACROSS.items()
-    )
+_here = Path(__file__).parent
+_models = msgspec.toml.decode((_here / "models.toml").read_bytes(), type=_ModelsFile)
+_sets = msgspec.json.decode((_here / "grasps.json").read_bytes(), type=_GraspsFile).sets
 
-
-def _read(name: str) -> Any:
-    path = Path(__file__).with_name(name)
-    return tomllib.loads(path.read_text("utf-8")) if path.suffix == ".toml" else msgspec.json.decode(path.read_bytes())
-
-
-_models = msgspec.convert(_read("models.toml"), _ModelsFile)
-_sets = msgspec.convert(_read("grasps.json"), _GraspsFile).sets
-
-MODELS: dict[str, Model] = {entry.name: entry.model() for entry in _models.model}
+MODELS: dict[str, Model] = {model.name: model for model in _models.model}
 CLOSINGS: dict[str, Closing] = {closing.model: closing for closing in _models.closing}
 GRASPS: dict[str, tuple[wm.GraspDef, ...]] = {
-    **{name: (*_grasps(CLOSINGS[name], entry), *_lying(CLOSINGS[name], entry)) for name, entry in _sets.items()},
+    **{name: _grasps(CLOSINGS[name], entry) for name, entry in _sets.items()},
     **{handle.model: handle.grasps() for handle in _models.handle},
 }
-REACH: dict[Side, wm.Reach] = {side: _models.reach.of(side) for side in Side}
+REACH: dict[Side, wm.Reach] = {
+    side: wm.Reach(_models.reach.near, _models.reach.far, (getattr(_models.reach, side),)) for side in Side
+}

@@ -4,7 +4,7 @@ Quat = tuple[float, float, float, float]
 
 
 def product(a: Quat, b: Quat) -> Quat:
-    """Return the Hamilton product: the turn b, then the turn a."""
+    """The Hamilton product: the turn b, then the turn a."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -16,6 +16,6 @@ def product(a: Quat, b: Quat) -> Quat:
 
 
 def conjugate(quat_wxyz: Quat) -> Quat:
-    """Return the inverse of a turn."""
+    """The inverse of a turn."""
     w, x, y, z = quat_wxyz
     return w, -x, -y, -z

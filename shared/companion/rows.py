@@ -18,7 +18,7 @@ THERE = Check(Claim.THERE, "", (Sense.JOINTS,), Otherwise.FAILED)
 
 
 def held(of: str, otherwise: Otherwise = Otherwise.SAID) -> Check:
-    """Return the check of an act after which a hand holds a thing."""
+    """The check of an act after which a hand holds a thing."""
     return Check(Claim.HELD, of, (Sense.WRIST, Sense.FINGERS, Sense.EYES), otherwise)
 
 
@@ -26,10 +26,11 @@ class ActRow(msgspec.Struct, frozen=True):
     """What the agents must know of an act.
 
     `checks`: what must be true after it. `rest_s`: its duration beside its first motion [s, simulated], an estimate for
-    time-outs alone. `handles`: it handles a thing, which may wait for the operator. For an act that was done:
-    `fulfilled` tells whether it did what it is for, `told` what was seen or felt in it, and `sights` what km is told
-    first, beside what an outcome of any act tells. `remembered`: what was told is said at the end of the plan, though
-    other acts follow.
+    time-outs alone. `handles`: it handles an object, which may wait for the operator.
+
+    For an act that was done: `fulfilled` tells whether it did what it is for, `outcome_facts` what was seen or felt in
+    it, and `sights` what km is told first, beside what an outcome of any act tells. `remembered`: these facts are said
+    at the end of the plan, though other acts follow.
     """
 
     act: type[Command]
@@ -37,7 +38,7 @@ class ActRow(msgspec.Struct, frozen=True):
     rest_s: float = 2.0
     handles: bool = False
     fulfilled: Callable[[Any, Done], bool] = lambda command, done: True
-    told: Callable[[Any, Done], Facts] = lambda command, done: ()
+    outcome_facts: Callable[[Any, Done], Facts] = lambda command, done: ()
     remembered: bool = False
     sights: Callable[[Any, Done], tuple[AnySight, ...]] = lambda command, done: ()
 

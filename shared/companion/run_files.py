@@ -141,7 +141,7 @@ class Tasks(msgspec.Struct, frozen=True, omit_defaults=True):
     questions: tuple[Question, ...] = ()
 
     def answers(self, asker: str, now: float) -> tuple[str, ...]:
-        """Return the sentences that answer what was asked of somebody; none where nothing was, or it is too late."""
+        """The sentences that answer what was asked of somebody; none where nothing was, or it is too late."""
         return next((one.replies for one in self.questions if one.asker == asker and now < one.until), ())
 
 

@@ -93,7 +93,7 @@ _OTHERWISE = frozenset({"ill", "well", "hell", "shell", "were"})
 
 
 def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
-    """Return the words of a sentence that stop the robot; "" where it has none, or is one of the answers to a question.
+    """The words of a sentence that stop the robot; "" where it has none, or is one of the answers to a question.
 
     Never raises.
     """
@@ -115,7 +115,7 @@ def may_answer(sentence: str) -> bool:
 
 
 def calls_for_help(sentence: str) -> str:
-    """Return the language in which a sentence calls for help; "" where it does not."""
+    """The language in which a sentence calls for help; "" where it does not."""
     text = _without_harmless(_words(sentence))
     return next((language for row, language in _table().helps.items() if row in text), "")
 

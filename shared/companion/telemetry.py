@@ -128,15 +128,15 @@ class _Tagged(msgspec.Struct):
 
 
 _tagged = msgspec.msgpack.Decoder(_Tagged)
-_told: dict[str, msgspec.msgpack.Decoder[RobotState] | msgspec.msgpack.Decoder[Picture]] = {
+_decoders: dict[str, msgspec.msgpack.Decoder[RobotState] | msgspec.msgpack.Decoder[Picture]] = {
     "": msgspec.msgpack.Decoder(RobotState),
     Picture.__name__: msgspec.msgpack.Decoder(Picture),
 }
 
 
-def told(data: bytes) -> RobotState | Picture:
-    """Return what stands on the key of telemetry. Raises msgspec.MsgspecError for anything else."""
+def decoded(data: bytes) -> RobotState | Picture:
+    """What stands on the key of telemetry. Raises msgspec.MsgspecError for anything else."""
     tag = _tagged.decode(data).type
-    if tag not in _told:
-        raise msgspec.ValidationError(f"telemetry of type {tag!r}; there are {', '.join(map(repr, _told))}")
-    return _told[tag].decode(data)
+    if tag not in _decoders:
+        raise msgspec.ValidationError(f"telemetry of type {tag!r}; there are {', '.join(map(repr, _decoders))}")
+    return _decoders[tag].decode(data)

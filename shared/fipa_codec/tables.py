@@ -111,14 +111,15 @@ class Table:
         gone = self.find(state, way, performative, kind)
         if gone is None:
             raise LocalProtocolError("rows", f"no row for {performative}[{kind}] ({way}) in state {state}")
-        return self._replaced(row for row in self if row is not gone)
+        return self.only(row for row in self if row is not gone)
 
     def with_rows(self, *rows: Row) -> "Table":
         """Return the table with these rows; each replaces the row of the same message and state, if there is one."""
         merged = self._rows | {row[:4]: row for row in rows}
-        return self._replaced(merged.values())
+        return self.only(merged.values())
 
-    def _replaced(self, rows: Iterable[Row]) -> "Table":
+    def only(self, rows: Iterable[Row]) -> "Table":
+        """The table with these rows in place of its own; the marks of states without a row go with them."""
         kept = tuple(rows)
         states = {state for row in kept for state in (row.state, row.to)}
         return Table(kept, ended=self.ended & states, urgent=self.urgent & states, resting=self.resting & states)

@@ -1,11 +1,12 @@
-"""Lines of faults.jsonl: whole lines of bytes in, faults out, the last line of each id. Pure."""
+"""faults.jsonl: whole lines of bytes in, faults out, the last line of each id; and what is new in the file."""
 
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import msgspec
 
 from fipa_codec.communicate import UNREADABLE
-from operate.run_folder import Fault
+from operate.run_folder import FAULTS_FILE, Fault
 
 _decoder = msgspec.json.Decoder(Fault)
 
@@ -32,3 +33,21 @@ def latest(faults: Iterable[Fault]) -> tuple[Fault, ...]:
 def done(faults: Iterable[Fault]) -> tuple[Fault, ...]:
     """Return those that began, in the order of their beginnings."""
     return tuple(sorted((one for one in latest(faults) if one.began), key=lambda one: one.began))
+
+
+class FaultFile:
+    """The file of a run. Lines up to `known` [unix s] were recorded by a recorder before this one."""
+
+    def __init__(self, run: Path, known: float = 0.0) -> None:
+        self._path, self._known, self._offset = run / FAULTS_FILE, known, 0
+
+    def new(self) -> list[Fault]:
+        """Return the faults whose lines were written since the last look; a line not whole yet comes later."""
+        try:
+            with self._path.open("rb") as file:
+                file.seek(self._offset)
+                data = file.read()
+        except OSError:
+            return []
+        self._offset += data.rfind(b"\n") + 1
+        return [one for one in read(data) if one.t > self._known]

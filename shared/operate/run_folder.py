@@ -5,6 +5,7 @@ and types only: files are read and written in the rooms that use them.
 """
 
 from enum import StrEnum
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -20,6 +21,19 @@ RRD_FILE = "run.rrd"
 VIEW_FILE = "view.json"
 FAULTS_FILE = "faults.jsonl"
 OFF_SUFFIX = ".off"  # <name>.off: the supervisor keeps this process down as long as the file is there
+
+
+S = TypeVar("S", bound=msgspec.Struct)
+
+
+def alike(kind: type[S], one: object, /, **more: Any) -> S:
+    """A Struct of this kind with the fields that it shares with another object, and `more`."""
+    names = (name for name in kind.__struct_fields__ if name not in more and hasattr(one, name))
+    return kind(**{name: getattr(one, name) for name in names}, **more)
+
+
+class NothingToRead(Exception):
+    """There is nothing to work on where it was looked for; the message says what would be right."""
 
 
 class _Line(msgspec.Struct, frozen=True, tag_field="kind", tag=True, omit_defaults=True):

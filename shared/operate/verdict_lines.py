@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import FipaError
-from operate.run_folder import Judged
+from operate.run_folder import Judged, alike
 from operate.system import System
 from operate.wording import one_line
 from topdown.judge.verdicts import Judgement, Verdict
@@ -19,32 +19,21 @@ OF_KEYS = (Verdict.WRONG_CHANNEL, Verdict.NOT_ENTITLED)
 def line(judgement: Judgement, system: System | None) -> Judged:
     """A verdict as a line; with the `system` the content in a few words."""
     heard, one = judgement.heard, judgement.heard.communicate
+    why = one_line(judgement.why)
     if one is None:
-        return Judged(
-            t=heard.at,
-            verdict=judgement.verdict,
-            bytes=heard.size,
-            channel=judgement.channel,
-            why=one_line(judgement.why),
-            key=heard.key,
-            violation=judgement.violation,
-        )
-    return Judged(
+        return alike(Judged, judgement, t=heard.at, bytes=heard.size, why=why, key=heard.key)
+    return alike(
+        Judged,
+        one,
         t=heard.at,
         verdict=judgement.verdict,
         bytes=heard.size,
         channel=judgement.channel,
-        sender=one.sender,
-        receiver=one.receiver,
-        protocol=one.protocol,
         performative=str(one.performative),
-        conversation=one.conversation,
-        id=one.id,
-        language=one.language,
         text=_text(one, system),
         initiator=judgement.states[0],
         participant=judgement.states[1],
-        why=one_line(judgement.why),
+        why=why,
         key=heard.key if judgement.verdict in OF_KEYS else "",
         violation=judgement.violation,
     )

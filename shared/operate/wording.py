@@ -66,3 +66,11 @@ def escaped(text: str) -> str:
 def one_line(text: str) -> str:
     """Return a text without line ends: who writes a name must not write a line of its own below it."""
     return text.replace("\n", "\\u000a")
+
+
+def bytes_in_words(value: float) -> str:
+    """Return bytes, kilobytes or more, with three digits."""
+    for unit, factor in (("B", 1.0), ("kB", 1e3), ("MB", 1e6)):
+        if value < 999.5 * factor:
+            return f"{value / factor:.{3 if factor > 1 else 0}{'g' if factor > 1 else 'f'}} {unit}"
+    return f"{value / 1e9:.3g} GB"

@@ -11,11 +11,11 @@ from toy_agents import LANGUAGES, Double, Want, wirings
 from toy_observers import Seen, WhatOf
 from toy_observers import wiring as observers
 
-from agent_runtime.core import intake
+from agent_runtime.core import reception
+from agent_runtime.core.duplicate_digests import digest_of
 from agent_runtime.core.effects import Receipt
 from agent_runtime.core.events import Arrived, Local, PeerChanged, Tick
-from agent_runtime.core.intake import HELD_OF_STREAM, HELD_VOLATILE
-from agent_runtime.core.recent import digest
+from agent_runtime.core.reception import HELD_OF_STREAM, HELD_VOLATILE
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec.communicate import Communicate
@@ -60,7 +60,7 @@ def test_a_copy_of_the_newest_that_was_taken_is_one_taken_before() -> None:
     """Its receipt was lost: it is receipted again."""
     one = Driven(recording(said=lambda turn: turn.say("asker-1-1", P.AGREE)), TO_ASKER)
     first = one.step(request(1)).receipts
-    assert first == (Receipt("asker", taken=1, digest=digest(request(1).communicate)),)
+    assert first == (Receipt("asker", taken=1, digest=digest_of(request(1).communicate)),)
     assert one.step(request(1)).receipts == first
     assert one.state.counts == {"taken before": 1}
 
@@ -182,7 +182,7 @@ def test_long_questions_take_bounded_room(monkeypatch: pytest.MonkeyPatch) -> No
     """However few they are: their bytes are counted, too."""
     one = Driven(recording(takes=nothing, name="knower"), observers("knower"))
     one.step(Local(Want(1)))
-    monkeypatch.setattr(intake, "HELD_BYTES", 2 * len(query("0").communicate.content))
+    monkeypatch.setattr(reception, "HELD_BYTES", 2 * len(query("0").communicate.content))
     for number in range(4):
         one.step(query(str(number)))
     assert waiting(one) == ["0", "1"]

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toy_agents import LANGUAGES, Double, Want, asker, server, wirings
 
-from agent_runtime.core import recent, reception
+from agent_runtime.core import duplicate_digests, reception
+from agent_runtime.core.duplicate_digests import JUMP, KEPT, digest_of, preceding
 from agent_runtime.core.effects import Effects
 from agent_runtime.core.events import Arrived, Broken, Local, PeerChanged, Receipted, Tick
-from agent_runtime.core.recent import JUMP, KEPT, digest, preceding
 from agent_runtime.core.state import restored
 from agent_runtime.core.turn import Turn
-from agent_runtime.testing.wires import Faults, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from fipa_codec.communicate import Communicate, decode, encode
 from fipa_codec.performatives import Performative as P
 
@@ -73,8 +73,8 @@ def test_another_word_under_a_number_that_was_taken_is_refused_and_told() -> Non
     effects = one.step(of(other := request(1, conversation="b")))
     assert effects.handled is None
     (receipt,) = effects.receipts
-    assert (receipt.taken, receipt.digest) == (1, digest(request(1).communicate))
-    assert (receipt.refused, receipt.unknown) == (digest(other.communicate), False)
+    assert (receipt.taken, receipt.digest) == (1, digest_of(request(1).communicate))
+    assert (receipt.refused, receipt.unknown) == (digest_of(other.communicate), False)
     (why,) = told(effects)
     assert "roco keys revoke asker" in why
     assert one.state.counts[TOLD] == 1
@@ -112,11 +112,11 @@ def test_a_word_is_not_taken_before_the_one_it_follows() -> None:
     one = serving(said=agree)
     second, third = request(2, conversation="b"), request(3, conversation="c")
     one.step(of(request(2, conversation="thief")))
-    assert one.step(of(third, digest(second.communicate))).handled is None
+    assert one.step(of(third, digest_of(second.communicate))).handled is None
     again = request(4, conversation="b")
-    assert one.step(of(third, digest(again.communicate))).handled is None
+    assert one.step(of(third, digest_of(again.communicate))).handled is None
     assert one.step(of(again)).handled.conversation == "b"
-    assert one.step(of(request(5, conversation="c"), digest(again.communicate))).handled.conversation == "c"
+    assert one.step(of(request(5, conversation="c"), digest_of(again.communicate))).handled.conversation == "c"
 
 
 @pytest.mark.parametrize(("farther", "taken"), [(1, True), (JUMP, True), (JUMP + 1, False)])
@@ -126,7 +126,7 @@ def test_numbers_may_be_left_out_but_not_many(farther: int, taken: bool) -> None
     far = request(1 + farther, conversation="b")
     effects = one.step(of(far))
     assert (effects.handled is not None) == taken
-    assert [receipt.refused for receipt in effects.receipts] == [b"" if taken else digest(far.communicate)]
+    assert [receipt.refused for receipt in effects.receipts] == [b"" if taken else digest_of(far.communicate)]
     stranger = serving(said=agree)
     assert (stranger.step(far).handled is not None) == (farther == 1)
 
@@ -164,7 +164,7 @@ def test_a_word_under_whose_number_another_was_taken_is_said_again() -> None:
     assert "roco keys revoke asker" in why
     assert one.state.counts[TOLD] == 1
     word = one.state.outbox["server"][0].communicate
-    one.step(receipted(2, digest(word)))
+    one.step(receipted(2, digest_of(word)))
     assert outbox(one) == []
 
 
@@ -173,7 +173,7 @@ def test_the_same_words_after_a_death() -> None:
     one = asking()
     word = one.state.outbox["server"][0].communicate
     state = restored(one.core.agent, one.core.record(one.state))
-    assert digest(state.outbox["server"][0].communicate) == digest(word) == digest(decode(encode(word)))
+    assert digest_of(state.outbox["server"][0].communicate) == digest_of(word) == digest_of(decode(encode(word)))
 
 
 def test_a_refusal_of_a_thiefs_word_changes_nothing() -> None:
@@ -212,7 +212,7 @@ def test_tries_lie_farther_and_farther_ahead_and_are_not_made_at_once_for_ever()
 def test_a_number_that_none_could_follow_is_not_believed(taken: int) -> None:
     """A thief with the receiver's key cannot use the numbers up."""
     one = asking()
-    word = digest(one.state.outbox["server"][0].communicate)
+    word = digest_of(one.state.outbox["server"][0].communicate)
     one.step(receipted(taken, refused=word))
     assert outbox(one) == [1]
 
@@ -220,9 +220,9 @@ def test_a_number_that_none_could_follow_is_not_believed(taken: int) -> None:
 def test_a_number_too_far_on_is_taken_back() -> None:
     """A thief with the receiver's key had it chosen; the receiver says at which number the stream is."""
     one = asking()
-    word = digest(one.state.outbox["server"][0].communicate)
+    word = digest_of(one.state.outbox["server"][0].communicate)
     one.step(receipted(10**9, refused=word))
-    word = digest(one.state.outbox["server"][0].communicate)
+    word = digest_of(one.state.outbox["server"][0].communicate)
     one.step(receipted(0, b"", refused=word))
     assert outbox(one)[0] <= JUMP
 
@@ -230,7 +230,7 @@ def test_a_number_too_far_on_is_taken_back() -> None:
 def test_where_it_is_not_known_the_conversation_is_lost_and_the_behaviour_told() -> None:
     """It is not said again: perhaps it was taken."""
     one = asking()
-    word = digest(one.state.outbox["server"][0].communicate)
+    word = digest_of(one.state.outbox["server"][0].communicate)
     effects = one.step(receipted(40, refused=word, unknown=True))
     seen = [effects.handled for effects in one.out]
     assert any(isinstance(event, Broken) and "does not know" in event.reason for event in seen)
@@ -245,30 +245,30 @@ def test_each_word_says_which_one_it_follows() -> None:
     second = msgspec.structs.replace(first, number=2, communicate=msgspec.structs.replace(first.communicate, id="2"))
     one.state.outbox["server"] = (first, second)
     assert preceding(one.state, first.communicate) == (b"", 0)
-    assert preceding(one.state, second.communicate) == (digest(first.communicate), 0)
-    one.step(receipted(1, digest(first.communicate)))
+    assert preceding(one.state, second.communicate) == (digest_of(first.communicate), 0)
+    one.step(receipted(1, digest_of(first.communicate)))
     assert preceding(one.state, second.communicate) == (b"", 1)
 
 
 # --- both, and a thief ------------------------------------------------------------------------------------------------
 
 
-def toy_wires(*wanted: int, seed: int = 0, faults: Faults | None = None) -> Wires:
+def toy_wires(*wanted: int, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
     """Asker and server on the wires."""
-    wires = Wires(seed=seed, faults=faults)
+    wires = MemoryBus(seed=seed, faults=faults)
     to_server, to_asker = wirings()
     wires.add(asker(*wanted), to_server)
     wires.add(server(), to_asker)
     return wires
 
 
-def answers(wires: Wires) -> tuple[tuple[int, int], ...]:
+def answers(wires: MemoryBus) -> tuple[tuple[int, int], ...]:
     """Return the asker's answers so far."""
     found: tuple[tuple[int, int], ...] = wires.memory("asker").answers
     return found
 
 
-def steal(wires: Wires, ahead: int) -> None:
+def steal(wires: MemoryBus, ahead: int) -> None:
     """Say a word in the asker's name, that many numbers after the last one that the server took."""
     node = wires.nodes["server"]
     if node.journal is not None:
@@ -329,5 +329,5 @@ def test_the_digest_of_a_word_is_of_all_it_says() -> None:
     """Each field counts, its number too."""
     word = stolen(1)
     for field, value in {"id": "2", "conversation": "b", "sent": 5.0, "performative": P.AGREE, "reply_by": 3.0}.items():
-        assert digest(msgspec.structs.replace(word, **{field: value})) != digest(word)
-    assert len(digest(word)) == recent.DIGEST_BYTES
+        assert digest_of(msgspec.structs.replace(word, **{field: value})) != digest_of(word)
+    assert len(digest_of(word)) == duplicate_digests.DIGEST_BYTES

@@ -11,7 +11,7 @@ from agent_runtime.core.events import Arrived, Broken, Late, Local, Received, St
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery
-from agent_runtime.testing.wires import Faults, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 
@@ -107,7 +107,7 @@ def over(memory: Server, name: str, how: str) -> Server:
 @settings(max_examples=150, deadline=None)
 def test_every_cancel_ends(numbers: list[int], seed: int, loss: float, delay: float, crash: float) -> None:
     """All conversations end on both sides, nobody misunderstands, each is done or cancelled exactly once."""
-    wires = Wires(seed=seed, faults=Faults(loss=loss, duplication=0.1, delay=delay))
+    wires = MemoryBus(seed=seed, faults=Faults(loss=loss, duplication=0.1, delay=delay))
     wires.add(Agent("asker", "c", Client(), {"c": Behaviour(ask_and_cancel)}, local=Want), TO_SERVER)
     wires.add(Agent("server", "s", Server(), {"s": Behaviour(work)}), TO_CLIENT)
     for place, number in enumerate(numbers):

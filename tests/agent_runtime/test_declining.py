@@ -3,8 +3,7 @@
 import pytest
 from msgspec import Struct
 
-from agent_runtime.core.agent import Agent, Behaviour
-from agent_runtime.core.declining import NOES, unfilled
+from agent_runtime.core.agent import NOES, Agent, Behaviour, unfilled
 from agent_runtime.core.wiring import Delivery, Link, Wiring
 from agent_runtime.testing.alone import Alone
 from fipa_codec.languages import Language, Languages, Reason

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from agent_runtime.io.floor import Failed, Floor
 from agent_runtime.io.inbox import Class, Inbox
+from agent_runtime.io.step_lock import Failed, StepLock
 
 HEARD = Class.STREAM
 
@@ -23,7 +23,7 @@ class Steps:
         self.threads: list[int] = []
         self.at = math.inf
         self.then: Callable[[Any], object] = lambda item: None
-        self.floor = Floor(self.inbox, self._take, lambda: self.at)
+        self.floor = StepLock(self.inbox, self._take, lambda: self.at)
 
     def _take(self, item: Any) -> None:
         self.done.append(item)

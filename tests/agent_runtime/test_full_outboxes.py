@@ -12,7 +12,7 @@ from agent_runtime.core.events import Late, Local, Receipted, Tick, Woken
 from agent_runtime.core.state import Outgoing
 from agent_runtime.core.streams import ANSWERS_BOUND, OUTBOX_BOUND
 from agent_runtime.core.turn import Turn
-from agent_runtime.testing.wires import Faults, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 
@@ -20,15 +20,15 @@ LIMIT_S = 300.0
 """Of virtual time; re-sending goes up to every 2 s."""
 
 
-def ring(count: int, *, seed: int = 0, faults: Faults | None = None) -> Wires:
+def ring(count: int, *, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
     """So many agents."""
-    wires = Wires(seed=seed, faults=faults)
+    wires = MemoryBus(seed=seed, faults=faults)
     for name in NAMES[:count]:
         wires.add(agent(name, NAMES[:count]), wiring(name, NAMES[:count]))
     return wires
 
 
-def expect_all_answered(wires: Wires, wanted: tuple[int, ...]) -> None:
+def expect_all_answered(wires: MemoryBus, wanted: tuple[int, ...]) -> None:
     """Each question once, in each direction."""
     longest = [0]
 
@@ -97,7 +97,7 @@ def test_a_ring_of_questions_ends_under_faults(faults: Faults, seed: int, count:
         assert sorted(memory.answers) == [(number, 2 * number) for number in sorted(dict(memory.answers))]
 
 
-def at_rest(wires: Wires) -> bool:
+def at_rest(wires: MemoryBus) -> bool:
     """Whether all live, and nothing is asked, owed or on its way."""
     states = [node.state for node in wires.nodes.values()]
     return all(

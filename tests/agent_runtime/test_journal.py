@@ -14,8 +14,7 @@ from agent_runtime.core.errors import JournalError
 from agent_runtime.core.events import Local, PeerChanged, Started
 from agent_runtime.core.turn import Turn
 from agent_runtime.io import journal
-from agent_runtime.io.journal import MAGIC, Journal, frame, last_record, scan
-from agent_runtime.io.repair import repair
+from agent_runtime.io.journal import MAGIC, Journal, frame, last_record, repair, scan
 from fipa_codec.performatives import Performative as P
 
 

@@ -10,9 +10,9 @@ from toy_observers import Finish, Seen, Topic, wiring
 
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Broken, LinkChanged, Local, PeerChanged, Receipted, Received
-from agent_runtime.core.streams import LAST_WORDS, RESEND_LAST
+from agent_runtime.core.streams import LAST_MESSAGES, RESEND_LAST
 from agent_runtime.core.turn import Turn
-from agent_runtime.testing.wires import Faults, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from fipa_codec.performatives import Performative as P
 
 
@@ -103,10 +103,10 @@ def test_a_copy_of_the_opening_does_not_open_it_again() -> None:
 def test_they_are_bounded() -> None:
     """A subscriber that never receipts fills no memory, and the re-sending gets slow."""
     one = subscribed()
-    for number in range(2 * LAST_WORDS):
+    for number in range(2 * LAST_MESSAGES):
         one.hears("knower", "subscribe", P.SUBSCRIBE, Topic(), talk=f"knower-1-{number + 2}")
         one.step(Local(Finish()))
-    assert len(one.state.soft.last) == LAST_WORDS
+    assert len(one.state.soft.last) == LAST_MESSAGES
     assert max(ask.gap for ask in one.state.soft.last.values()) <= RESEND_LAST
 
 
@@ -124,7 +124,7 @@ def test_nobody_is_subscribed_for_ever(
     seed: int, loss: float, duplication: float, delay: float, at_s: float, away_s: float
 ) -> None:
     """Whatever is lost: once the observed ended what it had agreed to, the subscriber knows, and nothing is left."""
-    wires = Wires(seed=seed, faults=Faults(loss=loss, duplication=duplication, delay=delay))
+    wires = MemoryBus(seed=seed, faults=Faults(loss=loss, duplication=duplication, delay=delay))
     wires.add(watcher(), wiring("watcher"))
     wires.add(knower(), wiring("knower"))
     agreed = lambda: wires.up("watcher") and bool(wires.nodes["watcher"].state.soft.conversations)  # noqa: E731

@@ -14,7 +14,7 @@ from agent_runtime.core import lineage
 from agent_runtime.core.effects import Effects
 from agent_runtime.core.events import Arrived, Broken, Local, PeerChanged, Receipted, Received
 from agent_runtime.core.turn import Turn
-from agent_runtime.testing.wires import Faults, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative as P
 
@@ -181,16 +181,16 @@ def observation(talk: str, id: str) -> Arrived:
 # --- two agents on wires ----------------------------------------------------------------------------------------------
 
 
-def toys(*wanted: int, seed: int = 0, faults: Faults | None = None) -> Wires:
+def toys(*wanted: int, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
     """Asker and server."""
-    wires = Wires(seed=seed, faults=faults)
+    wires = MemoryBus(seed=seed, faults=faults)
     to_server, to_asker = wirings()
     wires.add(asker(*wanted), to_server)
     wires.add(server(), to_asker)
     return wires
 
 
-def at_rest(wires: Wires, wanted: int) -> bool:
+def at_rest(wires: MemoryBus, wanted: int) -> bool:
     """All answered, nothing open, nothing to be sent again."""
     states = [node.state for node in wires.nodes.values()]
     if any(state is None or state.outbox or state.conversations for state in states):
@@ -256,7 +256,7 @@ def test_a_journal_whose_end_is_lost(victim: str, back: int, after_s: float) -> 
     assert counts[victim].get(lineage.SHORTENED, 0) == counts[other].get("peer lost its memory", 0) == forgot
 
 
-def records(wires: Wires) -> dict[str, list[bytes]]:
+def records(wires: MemoryBus) -> dict[str, list[bytes]]:
     """The records of each agent, of its first life and of those that follow."""
     kept: dict[str, list[bytes]] = {}
 

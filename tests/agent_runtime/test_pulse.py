@@ -7,15 +7,15 @@ import time
 import msgspec
 import pytest
 
-from agent_runtime.io import pulse
-from agent_runtime.io.pulse import PERIOD_S, Pulse, Turns
+from agent_runtime.io import process_heartbeat
+from agent_runtime.io.process_heartbeat import PERIOD_S, ProcessHeartbeat, Turns
 
 
 @pytest.fixture
 def clock(monkeypatch):
     """Time as the test says."""
     now = [100.0]
-    monkeypatch.setattr(pulse.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(process_heartbeat.time, "monotonic", lambda: now[0])
     return now
 
 
@@ -27,14 +27,14 @@ def aged(file):
 
 def test_whoever_supervises_finds_the_process(tmp_path):
     """By its id, in the form that an agent's heartbeat has it."""
-    beat = Pulse(tmp_path, "router")
+    beat = ProcessHeartbeat(tmp_path, "router")
     assert beat.file == tmp_path / "router.heartbeat.json"
     assert msgspec.json.decode(beat.file.read_bytes()) == {"name": "router", "pid": os.getpid()}
 
 
 def test_a_beat_renews_the_time_and_nothing_else(tmp_path, clock):
     """Its reader compares times; its text stays whole at any moment."""
-    beat = Pulse(tmp_path, "router")
+    beat = ProcessHeartbeat(tmp_path, "router")
     text, old = beat.file.read_bytes(), aged(beat.file)
     beat.beat()
     assert beat.file.stat().st_mtime > old
@@ -43,7 +43,7 @@ def test_a_beat_renews_the_time_and_nothing_else(tmp_path, clock):
 
 def test_it_beats_once_in_a_period_however_often_it_is_asked(tmp_path, clock):
     """A loop asks in each turn."""
-    beat = Pulse(tmp_path, "router")
+    beat = ProcessHeartbeat(tmp_path, "router")
     beat.beat()
     old = aged(beat.file)
     clock[0] += PERIOD_S * 0.9
@@ -56,7 +56,7 @@ def test_it_beats_once_in_a_period_however_often_it_is_asked(tmp_path, clock):
 
 def test_a_heartbeat_that_was_removed_comes_back(tmp_path, clock):
     """Tidying a run folder ends nobody."""
-    beat = Pulse(tmp_path, "router")
+    beat = ProcessHeartbeat(tmp_path, "router")
     beat.file.unlink()
     beat.beat()
     assert beat.file.exists()
@@ -91,6 +91,6 @@ def test_turns_that_go_on_beat_and_a_loop_that_stands_still_does_not():
 
 def test_it_ends_when_told(tmp_path):
     """No thread is left behind."""
-    turns = Turns(Pulse(tmp_path, "loop"), period_s=0.01)
+    turns = Turns(ProcessHeartbeat(tmp_path, "loop"), period_s=0.01)
     turns.end()
     assert not any(thread.name == "pulse" for thread in threading.enumerate())

@@ -9,7 +9,7 @@ from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Started
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
-from agent_runtime.testing.wires import Faults, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from fipa_codec.conversation import Conversation
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.tables import Role
@@ -17,9 +17,9 @@ from fipa_codec.tables import Role
 NAMES = ("asker", "broker", *cast.SCALES)
 
 
-def played(faults: Faults | None = None, seed: int = 0) -> Wires:
+def played(faults: Faults | None = None, seed: int = 0) -> MemoryBus:
     """Everybody on the wires until all was answered."""
-    wires = Wires(seed=seed, faults=faults)
+    wires = MemoryBus(seed=seed, faults=faults)
     for agent in (cast.asker(), cast.broker(), *map(cast.scale, cast.SCALES)):
         wires.add(agent, cast.wiring(agent.name))
     wires.run(lambda: len(wires.memory("asker").ends) == 2 and len(wires.memory("asker").answered) == len(cast.SCALES))

@@ -15,7 +15,7 @@ from agent_runtime.core.events import AnyEvent, Arrived, Local, PeerChanged, Sta
 from agent_runtime.core.peers import Peers
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import Delivery, Link, Wiring
-from agent_runtime.io import diary, shell, steplog
+from agent_runtime.io import shell, step_recorder, steplog
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.options import Options
 from agent_runtime.io.zenoh_wire import BULK_BYTES, ZenohWire
@@ -177,13 +177,13 @@ def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(watching: Steppe
     watching.happen(Local(Seen("jar", 0)))
     assert written(tmp_path) == before
     assert watching.shell._next_at() <= time.time() + shell.QUIET_S
-    watching.shell._diary.write()
+    watching.shell._recorder.write()
     assert written(tmp_path) == before + 1
     seen = set()
-    for value in range(1, 3 * diary.MOST_UNWRITTEN):
+    for value in range(1, 3 * step_recorder.MOST_UNWRITTEN):
         watching.happen(Local(Seen("jar", value)))
         seen.add(written(tmp_path))
-        assert before + value + 1 - written(tmp_path) < diary.MOST_UNWRITTEN
+        assert before + value + 1 - written(tmp_path) < step_recorder.MOST_UNWRITTEN
     assert len(seen) == 3, "written in batches"
 
 
@@ -191,7 +191,7 @@ def test_much_that_was_said_is_written_sooner(
     watching: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Unwritten words are bounded in bytes, too."""
-    monkeypatch.setattr(diary, "MOST_SAID", 500)
+    monkeypatch.setattr(step_recorder, "MOST_SAID", 500)
     subscribed = said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")
     watching.shell._serving = True
     watching.shell._beat_at = time.time() + 100.0
@@ -213,21 +213,21 @@ def test_much_that_was_heard_is_let_go_at_once(
     """Its memory is for the next message; the log has it at the next pause."""
     subscribed = said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")
     assert isinstance(subscribed.content, msgspec.Raw)
-    monkeypatch.setattr(diary, "MOST_HEARD", len(subscribed.content) + 1)
+    monkeypatch.setattr(step_recorder, "MOST_HEARD", len(subscribed.content) + 1)
     watching.shell._serving = True
     watching.shell._beat_at = time.time() + 100.0
     before = written(tmp_path)
     watching.happen(Arrived(subscribed))
-    assert len(watching.shell._diary._unwritten) == 1
+    assert len(watching.shell._recorder._unwritten) == 1
     watching.happen(Arrived(msgspec.structs.replace(subscribed, conversation="knower-1-2")))
-    assert watching.shell._diary._unwritten == [], "what was heard counts, taken or not"
+    assert watching.shell._recorder._unwritten == [], "what was heard counts, taken or not"
     assert written(tmp_path) == before
     assert watching.shell._next_at() <= time.time() + shell.QUIET_S
-    watching.shell._diary.write()
+    watching.shell._recorder.write()
     assert written(tmp_path) == before + 2
-    for number in range(3, 3 * diary.MOST_UNWRITTEN):
+    for number in range(3, 3 * step_recorder.MOST_UNWRITTEN):
         watching.happen(Arrived(msgspec.structs.replace(subscribed, conversation=f"knower-1-{number}")))
-        assert before + number - written(tmp_path) < diary.MOST_UNWRITTEN
+        assert before + number - written(tmp_path) < step_recorder.MOST_UNWRITTEN
 
 
 def test_what_waits_to_be_written_is_written_when_it_stops(tmp_path: Path) -> None:

@@ -5,19 +5,19 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from toy_observers import Finish, Seen, WhatOf, asker, knower, watcher, wiring
 
-from agent_runtime.testing.wires import Faults, Point, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus, Point
 from fipa_codec.performatives import Performative
 
 
-def observers(*, seed: int = 0, faults: Faults | None = None) -> Wires:
+def observers(*, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
     """Watcher, knower and asker on the wires."""
-    wires = Wires(seed=seed, faults=faults)
+    wires = MemoryBus(seed=seed, faults=faults)
     for agent in (watcher(), knower(), asker()):
         wires.add(agent, wiring(agent.name))
     return wires
 
 
-def store(wires: Wires) -> dict[str, int]:
+def store(wires: MemoryBus) -> dict[str, int]:
     """Return the knower's store."""
     return dict(wires.memory("knower").store)
 
@@ -151,7 +151,7 @@ def test_questions_write_no_record() -> None:
 
 def test_an_unanswered_question_is_late_once() -> None:
     """With nobody there the question ends at reply-by, and nothing is asked any more."""
-    wires = Wires()
+    wires = MemoryBus()
     wires.add(asker(), wiring("asker"))
     wires.post("asker", WhatOf("jar"))
     start = wires.now

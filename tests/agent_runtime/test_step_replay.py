@@ -14,8 +14,7 @@ from agent_runtime.core.events import AnyEvent, Local, PeerChanged, Started
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
 from agent_runtime.io import cli, shell
-from agent_runtime.io.step_replay import Again, again, digest
-from agent_runtime.io.steplog import HEAD, StepLog, fingerprint, noted, read
+from agent_runtime.io.steplog import HEAD, Again, StepLog, again, digest, fingerprint, noted, read
 from fipa_codec.communicate import encode
 from fipa_codec.performatives import Performative as P
 

@@ -12,7 +12,7 @@ from agent_runtime.core.events import Started
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
-from agent_runtime.testing.wires import Faults, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import Kind
@@ -20,15 +20,15 @@ from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
 
 
-def stage(faults: Faults | None = None, seed: int = 0, query: Delivery = Delivery.DURABLE) -> Wires:
+def stage(faults: Faults | None = None, seed: int = 0, query: Delivery = Delivery.DURABLE) -> MemoryBus:
     """Alice and Bob on the wires."""
-    wires = Wires(seed=seed, faults=faults)
+    wires = MemoryBus(seed=seed, faults=faults)
     wires.add(stories.alice(), stories.wiring("alice", query=query))
     wires.add(stories.bob(), stories.wiring("bob", query=query))
     return wires
 
 
-def expect_all_ended(wires: Wires) -> None:
+def expect_all_ended(wires: MemoryBus) -> None:
     """All stories came to their ends on both sides."""
     count = len(stories.SCRIPT)
     wires.run(
@@ -72,7 +72,7 @@ def test_all_stories_under_faults(faults: Faults, seed: int) -> None:
 @settings(max_examples=30, deadline=None)
 def test_iterated_contract_net_with_a_crowd(seed: int, loss: float, duplication: float) -> None:
     """One conversation-id, four state machines: who is best wins, who is late is rejected, whoever says it first."""
-    wires = Wires(seed=seed, faults=Faults(loss=loss, duplication=duplication) if loss or duplication else None)
+    wires = MemoryBus(seed=seed, faults=Faults(loss=loss, duplication=duplication) if loss or duplication else None)
     wires.add(crowd.caller(), crowd.wiring("caller"))
     for name in crowd.CROWD:
         wires.add(crowd.worker(name), crowd.wiring(name))
@@ -90,7 +90,7 @@ def test_iterated_contract_net_with_a_crowd(seed: int, loss: float, duplication:
 @pytest.mark.parametrize("steps", range(1, 12))
 def test_caller_that_dies_goes_on_with_its_crowd(steps: int) -> None:
     """The multicast is memory, the conversations are in the journal: a restored caller comes to the same award."""
-    wires = Wires()
+    wires = MemoryBus()
     wires.add(crowd.caller(), crowd.wiring("caller"))
     for name in crowd.CROWD:
         wires.add(crowd.worker(name), crowd.wiring(name))
@@ -104,7 +104,7 @@ def test_caller_that_dies_goes_on_with_its_crowd(steps: int) -> None:
 
 def test_garbage_of_one_participant_ends_its_conversation_only() -> None:
     """not-understood and Broken concern one of the crowd, named as peer; the next best is awarded."""
-    wires = Wires()
+    wires = MemoryBus()
     wires.add(crowd.caller(), crowd.wiring("caller"))
     for name in crowd.CROWD:
         wires.add(crowd.worker(name), crowd.wiring(name))

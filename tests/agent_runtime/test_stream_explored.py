@@ -10,11 +10,11 @@ import msgspec
 import pytest
 from toy_agents import LANGUAGES, Double, Doubled, asker, server, wirings
 
-from agent_runtime.core import intake, recent, reception, streams, verdict
+from agent_runtime.core import duplicate_digests, reception, sequence_check, streams
+from agent_runtime.core.duplicate_digests import preceding, receipted
 from agent_runtime.core.effects import Effects, LogLine, Receipt
 from agent_runtime.core.errors import BehaviourError
 from agent_runtime.core.events import AnyEvent, Arrived, Next, Receipted, Received, Started, Tick
-from agent_runtime.core.recent import preceding, receipted
 from agent_runtime.core.state import CoreState, Soft, restored
 from agent_runtime.core.step import Core
 from fipa_codec.communicate import Communicate, encode
@@ -323,13 +323,13 @@ def test_two_requests_under_any_faults() -> None:
 
 def receipt_on_arrival(monkeypatch: pytest.MonkeyPatch) -> None:
     """A receipt as soon as a message is in the inbox."""
-    admit = intake._admit_durable
+    admit = reception._admit_durable
 
     def spoilt(state: Any, out: Any, wiring: Any, link: Any, arrived: Any) -> None:
         admit(state, out, wiring, link, arrived)
         out.receipts.append(Receipt(arrived.communicate.sender, taken=int(arrived.communicate.id)))
 
-    monkeypatch.setattr(intake, "_admit_durable", spoilt)
+    monkeypatch.setattr(reception, "_admit_durable", spoilt)
 
 
 def no_outbox(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -350,35 +350,28 @@ def no_resending(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def counter_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every message is number 1 of its stream."""
-    monkeypatch.setattr("agent_runtime.core.turn.streams.next_number", lambda state, peer: 1)
+    monkeypatch.setattr(streams, "next_id", lambda state, peer, durable: "1")
 
 
 def last_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """Receipt a word and forget its number."""
-    mark = verdict._mark_taken
-
-    def spoilt(state: Any, out: Any, waiting: Any) -> None:
-        mark(state, out, waiting)
-        state.taken.pop(waiting.peer, None)
-        state.recent.pop(waiting.peer, None)
-
-    monkeypatch.setattr(verdict, "_mark_taken", spoilt)
+    monkeypatch.setattr(sequence_check, "note", lambda *_: None)
 
 
 def gaps_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     """A number beyond the next one is taken too."""
-    admit = intake._admit_durable
+    admit = reception._admit_durable
 
     def spoilt(state: Any, out: Any, wiring: Any, link: Any, arrived: Any) -> None:
         communicate = arrived.communicate
         number = int(communicate.id)
         if number > state.taken.get(communicate.sender, 0) and not state.soft.inbox:
-            word = intake.digest(communicate)
-            intake._wait(state, wiring, link, communicate, peer=communicate.sender, number=number, digest=word)
+            word = reception.digest_of(communicate)
+            reception._wait(state, wiring, link, communicate, peer=communicate.sender, number=number, digest=word)
         else:
             admit(state, out, wiring, link, arrived)
 
-    monkeypatch.setattr(intake, "_admit_durable", spoilt)
+    monkeypatch.setattr(reception, "_admit_durable", spoilt)
 
 
 def not_compared(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -387,13 +380,13 @@ def not_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     def copied(state: Any, out: Any, communicate: Any, number: int) -> None:
         out.receipts.append(Receipt(communicate.sender, taken=state.taken[communicate.sender]))
 
-    monkeypatch.setattr(intake, "taken_before", copied)
+    monkeypatch.setattr(reception, "taken_before", copied)
     monkeypatch.setattr(streams, "covered", lambda sent, taken, word: taken)
 
 
 def order_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """No word says which one it follows."""
-    monkeypatch.setattr(recent, "_known", lambda *_: True)
+    monkeypatch.setattr(duplicate_digests, "_known", lambda *_: True)
 
 
 def refused_by_number(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,6 @@ from toy_agents import LANGUAGES, Double, Want, wirings
 from toy_observers import Seen, Topic, WhatOf
 from toy_observers import wiring as observers
 
-from agent_runtime.core.choices import LATE_AFTER
 from agent_runtime.core.effects import Deed
 from agent_runtime.core.errors import AgentTableError, BehaviourError
 from agent_runtime.core.events import (
@@ -27,7 +26,7 @@ from agent_runtime.core.events import (
     Started,
     Tick,
 )
-from agent_runtime.core.step import Core
+from agent_runtime.core.step import LATE_AFTER, Core
 from agent_runtime.core.streams import OUTBOX_BOUND
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Wiring

@@ -3,7 +3,7 @@
 import pytest
 from toy_agents import asker, wirings
 
-from agent_runtime.core.peers import PATIENCE_S, Peers, Unheard, Watch, words
+from agent_runtime.core.peers import PATIENCE_S, Peers, Unheard, Watch, unheard_text
 from agent_runtime.core.state import Ask, CoreState, Outgoing, fresh
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
@@ -93,7 +93,7 @@ def test_a_question_without_an_answer_is_told_late(watch: Watch, peers: Peers) -
 
 def test_the_words_name_both_and_the_channel() -> None:
     """And what it may be."""
-    text = words("asker", Unheard("server", "T1", "said", 10.0), 22.0)
+    text = unheard_text("asker", Unheard("server", "T1", "said", 10.0), 22.0)
     assert text == (
         "what asker says to server on T1 is not received since 12 s:"
         " perhaps the rules of server deny it, or server hangs"

@@ -5,19 +5,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toy_agents import Want, asker, server, wirings
 
-from agent_runtime.testing.wires import Faults, Point, Quiet, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus, Point, Quiet
 
 
-def toy_wires(*wanted: int, seed: int = 0, faults: Faults | None = None) -> Wires:
+def toy_wires(*wanted: int, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
     """Asker and server on the wires."""
-    wires = Wires(seed=seed, faults=faults)
+    wires = MemoryBus(seed=seed, faults=faults)
     to_server, to_asker = wirings()
     wires.add(asker(*wanted), to_server)
     wires.add(server(), to_asker)
     return wires
 
 
-def answers(wires: Wires) -> tuple[tuple[int, int], ...]:
+def answers(wires: MemoryBus) -> tuple[tuple[int, int], ...]:
     """Return the asker's answers so far."""
     found: tuple[tuple[int, int], ...] = wires.memory("asker").answers
     return found

@@ -20,15 +20,22 @@ def names(agent):
     return behaviours, dict.fromkeys(DESIGN.conditions(agent), bool)
 
 
-@pytest.mark.parametrize("agent", list(AgentName))
-def test_every_agent_of_the_design_can_be_bound(agent):
-    """States, start and arcs are the design's."""
-    behaviours, conditions = names(agent)
-    bound = bind(agent, 0, behaviours, conditions)
-    entry = DESIGN.agent(agent)
-    assert bound.start == entry.initial
-    assert set(bound.behaviours) == {state.name for state in entry.state}
-    assert [(a.source, a.target, a.when) for a in bound.arcs] == [(a.source, a.target, a.when) for a in entry.arc]
+def test_every_agent_of_the_design_can_be_bound():
+    """States, start and arcs are the design's.
+
+    Its wiring joins exactly the peers of the design, by the design's keys, and each silent language is known.
+    """
+    for agent in AgentName:
+        behaviours, conditions = names(agent)
+        bound, entry = bind(agent, 0, behaviours, conditions), DESIGN.agent(agent)
+        assert bound.start == entry.initial
+        assert set(bound.behaviours) == {state.name for state in entry.state}
+        assert [(a.source, a.target, a.when) for a in bound.arcs] == [(a.source, a.target, a.when) for a in entry.arc]
+        wired = wiring(agent, "roco")
+        assert set(wired.peers) == set(DESIGN.peers(agent))
+        for link in wired.links:
+            assert link.silent in wired.languages.names
+            assert DESIGN.use(agent, link.peer, link.protocol).channel == link.channel
 
 
 def test_a_name_without_code_and_code_without_a_name_are_both_told():
@@ -48,16 +55,6 @@ def test_takes_of_an_unknown_behaviour_is_refused():
     assert told.value.extra == ("lisen",)
     bound = bind("hi", 0, behaviours, conditions, takes={"listen": lambda memory, event: False})
     assert not bound.behaviours["listening"].takes(0, Late("x"))
-
-
-@pytest.mark.parametrize("agent", list(AgentName))
-def test_a_wiring_joins_exactly_the_peers_of_the_design(agent):
-    """Every link's key is the key that the design gives, and its silent language is known."""
-    wired = wiring(agent, "roco")
-    assert set(wired.peers) == set(DESIGN.peers(agent))
-    for link in wired.links:
-        assert link.silent in wired.languages.names
-        assert DESIGN.use(agent, link.peer, link.protocol).channel == link.channel
 
 
 def test_roles_deliveries_and_silent_languages_are_those_of_the_paper():

@@ -11,10 +11,9 @@ import pytest
 
 from companion.design import DESIGN
 from topdown.check import recorded
-from topdown.check.estimate import estimate
-from topdown.check.measure import Measured, measure
-from topdown.check.observe import Observed
-from topdown.check.trace import Shown, trace
+from topdown.check.estimate import Measured, estimate, measure
+from topdown.check.recorded import Observed
+from topdown.check.requirements import Shown, trace
 from topdown.model.findings import Kind
 
 RUNS = Path(__file__).with_name("pours")
@@ -33,11 +32,16 @@ def compared(name: str) -> tuple[Measured, ...]:
 
 
 @pytest.mark.parametrize("run", ["pour_seed_3.json", "pour_seed_11.json"])
-def test_counts_and_bytes_of_every_channel_are_within_the_error(run: str) -> None:
-    """On any machine."""
+def test_a_pour_is_as_it_was_estimated_on_any_machine(run: str) -> None:
+    """Counts and bytes of every channel are within the error. It breaks nothing but latencies: every communicate is the
+    design's, within its size. It shows every requirement that a run can show."""
     figures = [one for one in compared(run) if one.what in COUNTED]
     assert {one.where for one in figures} == set(DESIGN.channels)
     assert all(one.error is not None and abs(one.error) <= WITHIN for one in figures), figures
+    assert {finding.kind for finding in recorded.findings(DESIGN, heard(run))} <= {Kind.TOO_LATE}
+    found = trace(DESIGN, heard(run), lambda path, name: True)
+    assert [one for leaf in found for one in leaf.evidence if one.shown is not Shown.SEEN] == []
+    assert all(leaf.evidence for leaf in found)
 
 
 def test_time_and_bandwidth_are_within_the_error_on_a_free_machine() -> None:
@@ -54,14 +58,6 @@ def test_the_narrow_place_of_the_estimate_is_that_of_the_run() -> None:
     assert estimate(DESIGN).slowest == "act"
 
 
-@pytest.mark.parametrize("run", ["pour_seed_3.json", "pour_seed_11.json"])
-def test_a_pour_shows_every_requirement_that_a_run_can_show(run: str) -> None:
-    """No event or communicate that is named as evidence is missing."""
-    found = trace(DESIGN, heard(run), lambda path, name: True)
-    assert [one for leaf in found for one in leaf.evidence if one.shown is not Shown.SEEN] == []
-    assert all(leaf.evidence for leaf in found)
-
-
 def test_every_test_named_as_evidence_is_there() -> None:
     """By file and name."""
     root = Path(__file__).resolve().parents[2]
@@ -72,9 +68,3 @@ def test_every_test_named_as_evidence_is_there() -> None:
     tests = [one for leaf in trace(DESIGN, None, exists) for one in leaf.evidence if one.kind == "test"]
     assert tests
     assert all(one.shown is Shown.SEEN for one in tests), tests
-
-
-@pytest.mark.parametrize("run", ["pour_seed_3.json", "pour_seed_11.json"])
-def test_a_pour_breaks_nothing_but_latencies(run: str) -> None:
-    """Every communicate is the design's, within its size; what came late is the machine's."""
-    assert {finding.kind for finding in recorded.findings(DESIGN, heard(run))} <= {Kind.TOO_LATE}

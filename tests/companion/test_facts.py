@@ -55,13 +55,6 @@ CALLED = {kind.capitalize() for kind in catalogue(Reader.ENGLISH).thing}
 CLASSES = re.compile(rf"\b({'|'.join(sorted(set(_classes()) - CALLED))})\b")
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_kind_says_whether_its_sentence_asks_for_something(kind: AnyKind) -> None:
-    """In both languages that a person reads."""
-    for reader, word in ((Reader.ENGLISH, "please"), (Reader.POLISH, "proszę")):
-        assert (word in catalogue(reader).fact[kind].lower()) == kind.asks
-
-
 def test_of_a_failed_task_a_person_is_told_what_to_do() -> None:
     """By one of the facts or their reasons, else by a call for help at the end; once."""
     floor, path = fact(Kind.ON_THE_FLOOR, "jar_1"), fact(Kind.NO_WAY_HOME, Side.LEFT)
@@ -115,25 +108,31 @@ def _part(part: str, before: tuple[str, ...], because: st.SearchStrategy[tuple[F
 
 REASONS = st.lists(st.sampled_from(KINDS).flatmap(lambda kind: drawn(kind, st.just(()))), max_size=2).map(tuple)
 FACTS = st.sampled_from(KINDS).flatmap(lambda kind: drawn(kind, REASONS))
-few = settings(max_examples=40, deadline=None)
+
+
+def few(examples: int) -> settings:
+    """So many examples, of each row of a table."""
+    return settings(max_examples=examples, deadline=None)
+
 
 # --- rows -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("reader", Reader)
-def test_a_catalogue_has_a_row_for_each_kind_and_word(reader: Reader) -> None:
-    """And no other rows."""
-    rows = catalogue(reader)
-    assert set(rows.fact) == set(KINDS)
-    assert set(rows.claim) == set(CLAIMS)
-    assert set(rows.sensor) == set(rc.Sensor)
-    assert set(rows.fault) == set(rc.Fault)
-    lacking, unknown = registry.tasks().keys() - rows.task.keys(), rows.task.keys() - registry.tasks().keys()
-    assert not lacking, f"sentences.toml in companion/tasks/TASK: [{reader}.task] lacks {lacking}"
-    assert not unknown, f"[{reader}.task] names {unknown}, which no plan.py has in `tasks`"
-    assert set(rows.agent) == set(AgentName)
-    assert set(rows.side) == set(Side)
-    assert set(rows.part) == set(catalogue(Reader.OPERATOR).part)
+def test_each_catalogue_has_a_row_for_each_word_and_no_other_one() -> None:
+    """Kinds, claims, sensors, tasks, steps and acts of plans; a sentence that asks for something says please."""
+    of_operator, steps, acts = catalogue(Reader.OPERATOR), _steps_of_plans(), {act.__name__ for act in ACTS}
+    for reader in Reader:
+        rows = catalogue(reader)
+        lacking, unknown = registry.tasks().keys() - rows.task.keys(), rows.task.keys() - registry.tasks().keys()
+        assert not lacking, f"sentences.toml in companion/tasks/TASK: [{reader}.task] lacks {lacking}"
+        assert not unknown, f"[{reader}.task] names {unknown}, which no plan.py has in `tasks`"
+        found = (rows.fact, rows.claim, rows.sensor, rows.fault, rows.agent, rows.side, rows.part, rows.step, rows.leaf)
+        wanted = (KINDS, CLAIMS, rc.Sensor, rc.Fault, AgentName, Side, of_operator.part, steps, acts)
+        for table, words in zip(found, wanted, strict=True):
+            assert set(table) == set(words), reader
+    for reader, word in ((Reader.ENGLISH, "please"), (Reader.POLISH, "proszę")):
+        rows = catalogue(reader)
+        assert [kind for kind in KINDS if (word in rows.fact[kind].lower()) != kind.asks] == []
 
 
 def test_the_operator_has_words_for_each_event() -> None:
@@ -171,17 +170,13 @@ def _steps_of_plans() -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("reader", Reader)
-def test_a_catalogue_has_a_row_for_each_step_and_act_of_plans(reader: Reader) -> None:
-    """And no other rows."""
-    rows = catalogue(reader)
-    assert set(rows.step) == _steps_of_plans()
-    assert set(rows.leaf) == {act.__name__ for act in ACTS}
-
-
-@pytest.mark.parametrize("does", sorted(catalogue(Reader.OPERATOR).step))
-@few
-@given(things=st.lists(THINGS, min_size=2, max_size=2), side=st.sampled_from(Side), act=st.sampled_from(list(ACTS)))
+@few(200)
+@given(
+    does=st.sampled_from(sorted(catalogue(Reader.OPERATOR).step)),
+    things=st.lists(THINGS, min_size=2, max_size=2),
+    side=st.sampled_from(Side),
+    act=st.sampled_from(list(ACTS)),
+)
 def test_a_place_in_a_plan_is_said_in_words(does: str, things: list[str], side: Side, act: type[rc.Command]) -> None:
     """With its things and its hand, and no word of the program."""
     step = hfsm.Step(does, tuple(things), side)
@@ -194,27 +189,28 @@ def test_a_place_in_a_plan_is_said_in_words(does: str, things: list[str], side: 
         assert not wrong, (reader, text)
 
 
-@pytest.mark.parametrize("reader", Reader)
-def test_what_this_version_does_not_know_is_said_by_its_name(reader: Reader) -> None:
+def test_what_this_version_does_not_know_is_said_by_its_name() -> None:
     """A planner or an executor of another version may be more able."""
     place = hfsm.Place(("x", "y"), hfsm.Step("wave-at", ("vase_1",), Side.LEFT), "WaveHand")
-    said = sentences.place(place, reader)
-    assert said == f"wave at vase {catalogue(reader).side[Side.LEFT][0]} (wave hand)"
-    assert sentences.place(hfsm.Place(("x",)), reader) == ""
+    for reader in Reader:
+        text = sentences.place(place, reader)
+        assert text == f"wave at vase {catalogue(reader).side[Side.LEFT][0]} (wave hand)"
+        assert sentences.place(hfsm.Place(("x",)), reader) == ""
 
 
 # --- sentences --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@few
-@given(data=st.data())
-def test_a_sentence_has_no_word_of_the_program(kind: AnyKind, data: st.DataObject) -> None:
+def test_a_sentence_has_no_word_of_the_program() -> None:
     """No id, no name of a class or an agent, and no more digits than a person reads."""
-    one = data.draw(drawn(kind, REASONS))
-    told = {Reader.OPERATOR: sentences.operator((one,))}
-    told |= {reader: sentences.person((one,), reader) for reader in PERSONS}
-    for reader, text in told.items():
+    for kind in KINDS:
+        few(8)(given(one=drawn(kind, REASONS))(_has_no_word_of_the_program))()
+
+
+def _has_no_word_of_the_program(one: Fact) -> None:
+    texts = {Reader.OPERATOR: sentences.operator((one,))}
+    texts |= {reader: sentences.person((one,), reader) for reader in PERSONS}
+    for reader, text in texts.items():
         wrong = [*ID.findall(text), *CLASSES.findall(text), *EXPONENT.findall(text)]
         wrong += [word for word in INTERNAL if word in text]
         wrong += [number for number in NUMBER.findall(text) if len(re.sub("[.,]", "", number).strip("0")) > 3]
@@ -222,25 +218,23 @@ def test_a_sentence_has_no_word_of_the_program(kind: AnyKind, data: st.DataObjec
         wrong += BADLY_SET.findall(text)
         assert not wrong, (reader, text)
         assert not re.search(r"[{}]", text.replace("left {hand}", "")), (reader, text)
-    assert told[Reader.OPERATOR]
+    assert texts[Reader.OPERATOR]
     for reader in PERSONS:
-        rows = catalogue(reader).fact
-        if not (text := told[reader]):
-            assert not rows[kind]
+        if not (text := texts[reader]):
+            assert not catalogue(reader).fact[one.kind]
             continue
         assert text.endswith("."), text
-        assert all(said[:1].isupper() for said in re.split(r"(?<=\.) ", text)), text
+        assert all(sentence[:1].isupper() for sentence in re.split(r"(?<=\.) ", text)), text
 
 
-@pytest.mark.parametrize("sense", rc.Sensor)
-def test_an_operator_reads_which_fault_a_sensor_has(sense: rc.Sensor) -> None:
+def test_an_operator_reads_which_fault_a_sensor_has() -> None:
     """Each has its own sentence; the number is in that of an offset."""
-    told = {fault: sentences.operator((fact(Kind.ILL, sense, fault, 0.05),)) for fault in rc.Fault}
-    assert len(set(told.values())) == len(rc.Fault)
-    assert [fault for fault, text in told.items() if "0.05 rad" in text] == [rc.Fault.OFF]
+    for sense in rc.Sensor:
+        texts = {fault: sentences.operator((fact(Kind.ILL, sense, fault, 0.05),)) for fault in rc.Fault}
+        assert len(set(texts.values())) == len(rc.Fault)
+        assert [fault for fault, text in texts.items() if "0.05 rad" in text] == [rc.Fault.OFF]
 
 
-@pytest.mark.parametrize("reader", Reader)
 @given(
     one=st.builds(
         Fact,
@@ -251,57 +245,41 @@ def test_an_operator_reads_which_fault_a_sensor_has(sense: rc.Sensor) -> None:
         words=st.lists(st.from_regex(r"\A[!-~]{0,9}\Z"), max_size=3).map(tuple),
     )
 )
-@few
-def test_a_fact_with_other_parts_than_those_of_its_kind_is_told_all_the_same(reader: Reader, one: Fact) -> None:
+@few(100)
+def test_a_fact_with_other_parts_than_those_of_its_kind_is_told_all_the_same(one: Fact) -> None:
     """A peer of another version may send one: nobody ends by it."""
-    sentences.operator((one,)) if reader is Reader.OPERATOR else sentences.person((one,), reader)
+    sentences.operator((one,))
+    for reader in PERSONS:
+        sentences.person((one,), reader)
 
 
-@pytest.mark.parametrize(
-    ("seconds", "english", "operator"),
-    [(45.3, "45 seconds", "45.3 s"), (119.0, "120 seconds", "119 s"), (187.3, "3 minutes", "187 s")],
-)
-def test_a_person_is_told_long_times_in_minutes(seconds: float, english: str, operator: str) -> None:
-    """An operator in seconds, as the logs have them."""
-    begins = (fact(Kind.BEGINS_IN, seconds),)
-    assert sentences.operator(begins) == f"it begins in {operator}"
-    assert sentences.person(begins, "en") == f"I begin in {english}."
-
-
-@pytest.mark.parametrize(
-    ("count", "english", "polish"),
-    [
-        (1, "1 minute", "1 minutę"),
-        (2, "2 minutes", "2 minuty"),
-        (5, "5 minutes", "5 minut"),
-        (12, "12 minutes", "12 minut"),
-        (22, "22 minutes", "22 minuty"),
-        (1.5, "1.5 minutes", "1,5 minuty"),
-    ],
-)
-def test_a_unit_has_the_form_that_its_number_asks_for(count: float, english: str, polish: str) -> None:
-    """In Polish there are four of them, and each in two cases."""
-    why = (fact(Kind.NOBODY_CAME, count),)
-    assert sentences.person(why, "en") == f"I waited for you for {english}, then stopped waiting."
-    assert sentences.person(why, "pl") == f"Czekałam {polish} i przestałam czekać."
-    takes = [sentences.person((fact(Kind.PLAN_TAKES, 1, seconds),), "pl") for seconds in (1.0, 3.0, 30.0)]
-    assert takes == ["To potrwa około 1 sekundy.", "To potrwa około 3 sekund.", "To potrwa około 30 sekund."]
+def test_numbers_stand_as_a_person_writes_them() -> None:
+    """Long times in minutes, an operator's in seconds; the form of a unit that its number asks for, of which Polish has
+    four, each in two cases; a comma in Polish; never an exponent, nor a zero with a sign."""
+    for seconds, english, of_operator in ((45.3, "45 seconds", "45.3 s"), (119.0, "120 seconds", "119 s"),
+                                          (187.3, "3 minutes", "187 s")):  # fmt: skip
+        begins = (fact(Kind.BEGINS_IN, seconds),)
+        assert sentences.operator(begins) == f"it begins in {of_operator}"
+        assert sentences.person(begins, "en") == f"I begin in {english}."
+    for count, english, polish in ((1, "1 minute", "1 minutę"), (2, "2 minutes", "2 minuty"),
+                                   (5, "5 minutes", "5 minut"), (12, "12 minutes", "12 minut"),
+                                   (22, "22 minutes", "22 minuty"), (1.5, "1.5 minutes", "1,5 minuty")):  # fmt: skip
+        why = (fact(Kind.NOBODY_CAME, count),)
+        assert sentences.person(why, "en") == f"I waited for you for {english}, then stopped waiting."
+        assert sentences.person(why, "pl") == f"Czekałam {polish} i przestałam czekać."
+    for seconds, polish in ((1.0, "1 sekundy"), (3.0, "3 sekund"), (30.0, "30 sekund")):
+        assert sentences.person((fact(Kind.PLAN_TAKES, 1, seconds),), "pl") == f"To potrwa około {polish}."
+    moved = (fact(Kind.MOVED, "jar_1", 0.015),)
+    assert sentences.person(moved, "en") == "The jar was moved by 1.5 cm."
+    assert sentences.person(moved, "pl") == "Ktoś przesunął słoik o 1,5 cm."
+    assert sentences.operator((fact(Kind.MOVED, "bowl_1", 2e6),)) == "bowl was moved by 2000000 m"
+    assert sentences.operator((fact(Kind.FEELS_LITTLE, Side.LEFT, -0.0),)) == "the left hand feels 0 g: lost"
 
 
 def test_polish_things_stand_in_the_case_of_their_sentence() -> None:
     """A list of things, too."""
     assert sentences.person((fact(Kind.SEEN, "jar_1", "bowl_1", "box_2"),), "pl") == "Widzę słoik, miskę i pudełko 2."
     assert sentences.person((fact(Kind.SEEN, "jar_1", "bowl_1"),), "en") == "I see the jar and the bowl."
-
-
-def test_numbers_as_a_person_writes_them() -> None:
-    """With a comma in Polish; never with an exponent, nor a zero with a sign."""
-    assert [sentences.person((fact(Kind.MOVED, "jar_1", 0.015),), one) for one in PERSONS] == [
-        "The jar was moved by 1.5 cm.",
-        "Ktoś przesunął słoik o 1,5 cm.",
-    ]
-    assert sentences.operator((fact(Kind.MOVED, "bowl_1", 2e6),)) == "bowl was moved by 2000000 m"
-    assert sentences.operator((fact(Kind.FEELS_LITTLE, Side.LEFT, -0.0),)) == "the left hand feels 0 g: lost"
 
 
 def test_who_reads_of_two_tasks_knows_which_one_is_meant() -> None:
@@ -314,24 +292,17 @@ def test_who_reads_of_two_tasks_knows_which_one_is_meant() -> None:
 
 # --- facts ------------------------------------------------------------------------------------------------------------
 
-NEEDY = [kind for kind in KINDS if any(part not in ("things", "because") for part in kind.parts)]
 
-
-@pytest.mark.parametrize("kind", NEEDY)
-def test_a_fact_without_its_parts_is_none(kind: Kind) -> None:
-    """Also where one is missing."""
-    with pytest.raises(ValueError, match=f"{kind} needs"):
-        fact(kind)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=5, deadline=None)
-@given(data=st.data())
-def test_a_fact_with_too_many_parts_is_none(kind: AnyKind, data: st.DataObject) -> None:
-    """Or with a reason that is no fact."""
+@few(300)
+@given(st.sampled_from(KINDS), st.data())
+def test_a_fact_has_the_parts_of_its_kind(kind: AnyKind, data: st.DataObject) -> None:
+    """Without a part, with one too many, or with a reason that is no fact it is none."""
     parts = data.draw(st.tuples(*(_part(part, kind.parts[:n], REASONS) for n, part in enumerate(kind.parts))))
     with pytest.raises(ValueError, match=f"{kind} takes"):
         fact(kind, *itertools.chain(*parts), 7.0)
+    if any(part not in ("things", "because") for part in kind.parts):
+        with pytest.raises(ValueError, match=f"{kind} needs"):
+            fact(kind)
 
 
 @pytest.mark.parametrize(("kind", "parts"), [(Kind.HOLDS, ("jar_1", Side.LEFT)), (Kind.MOVED, (0.1, "jar_1"))])
@@ -347,12 +318,12 @@ def test_a_fact_survives_the_wire(one: Fact) -> None:
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(one), type=Fact) == one
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_kind_is_its_name_on_the_wire(kind: AnyKind) -> None:
+def test_a_kind_is_its_name_on_the_wire() -> None:
     """And the same member for who reads it, whether all tasks say it or one."""
-    data = msgspec.msgpack.encode({"kind": kind.value})
-    assert msgspec.msgpack.decode(data, type=Fact).kind is kind
-    assert msgspec.msgpack.decode(msgspec.msgpack.encode(Fact(kind))) == {"kind": kind.value}
+    for kind in KINDS:
+        data = msgspec.msgpack.encode({"kind": kind.value})
+        assert msgspec.msgpack.decode(data, type=Fact).kind is kind
+        assert msgspec.msgpack.decode(msgspec.msgpack.encode(Fact(kind))) == {"kind": kind.value}
 
 
 def test_an_unknown_kind_is_refused() -> None:

@@ -46,7 +46,6 @@ def gain(a: Array, b: Array) -> tuple[Array, Array]:
     for axis in np.eye(3):
         one, known = fused((pose(AT), uncertain(a)), (pose(AT + TINY_M * axis), uncertain(b)))
         columns.append((np.array(one.xyz) - AT) / TINY_M)
-    assert known is not None
     return np.array(columns).T, whole(known.xyz)
 
 
@@ -99,7 +98,6 @@ def test_the_surer_rotation_counts(about: float, off: float, sure: float, unsure
     seen = pose(AT, about + off), uncertain(covariance, unsure)
     agree = off**2 / (sure + unsure) < 18
     one, told = fused(kept, seen)
-    assert told is not None
     if agree:
         assert told.turn == min(sure, unsure)
         assert one.quat_wxyz == (kept if sure < unsure else seen)[0].quat_wxyz

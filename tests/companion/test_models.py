@@ -9,10 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.all_languages import WM
-from companion.handles import HANDLE
-from companion.languages import wm
 from companion.languages.values import Box, Cylinder, Pose
-from companion.models import CLOSINGS, GRASPS, LYING, MODELS, REACH, fitting
+from companion.models import CLOSINGS, GRASPS, HANDLE, LYING, MODELS, REACH, fitting
 from velma.kinematics.frames import lies
 
 
@@ -105,16 +103,14 @@ def test_the_bowls_boards_lean_from_its_base_to_its_rim() -> None:
     assert any(isinstance(shape, Cylinder) for shape in MODELS["bowl_high"].shapes)
 
 
-@pytest.mark.parametrize("name", MODELS)
-def test_a_model_says_where_it_is_from_and_has_shapes(name: str) -> None:
-    """Each has a source, some shape, mass, and a base at its lowest point or above."""
-    model = MODELS[name]
-    assert model.source
-    assert model.shapes
-    assert model.mass > 0
-    answer = model.of("x")
-    assert WM.decode(WM.encode(answer)) == answer
-    assert isinstance(answer, wm.ModelOf)
+def test_a_model_says_where_it_is_from_and_has_shapes() -> None:
+    """Each has a source, some shape, and mass."""
+    for model in MODELS.values():
+        assert model.source
+        assert model.shapes
+        assert model.mass > 0
+        answer = model.of("x")
+        assert WM.decode(WM.encode(answer)) == answer
 
 
 def test_arms_reach_from_their_own_shoulder() -> None:

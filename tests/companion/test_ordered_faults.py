@@ -19,7 +19,7 @@ from velma.sim.disturbances import Disturbance, Kind, Of
 BLACK, ZERO = Disturbance("a", Of.CAMERA, Kind.BLACK), Disturbance("b", Of.WRIST, Kind.ZERO)
 
 
-class Told(Local):
+class FleetWith(Local):
     """A fleet of a run folder whose processes have these variables."""
 
     def __init__(self, run: Path, **variables: str) -> None:
@@ -44,50 +44,47 @@ def refused(fleet: Local, one: Disturbance) -> str:
 
 
 def test_a_fleet_without_faults_is_left_alone(tmp_path: Path) -> None:
-    assert "was started without --faults; start the fleet with `roco up --faults`" in refused(Told(tmp_path), ZERO)
+    assert "was started without --faults; start the fleet with `roco up --faults`" in refused(FleetWith(tmp_path), ZERO)
 
 
 def test_where_there_is_nothing_that_could_fail(run: Path) -> None:
     """The mock has no senses, rays have no camera; all else is possible."""
-    assert "back-end mujoco" in refused(Told(run, **{BACKEND: "mock"}), ZERO)
-    assert "`roco up --eyes pixels`" in refused(Told(run, **{EYES: "rays"}), BLACK)
-    fault.possible(Told(run, **{EYES: "rays"}), ZERO)
-    fault.possible(Told(run), BLACK)
+    assert "back-end mujoco" in refused(FleetWith(run, **{BACKEND: "mock"}), ZERO)
+    assert "`roco up --eyes pixels`" in refused(FleetWith(run, **{EYES: "rays"}), BLACK)
+    fault.possible(FleetWith(run, **{EYES: "rays"}), ZERO)
+    fault.possible(FleetWith(run), BLACK)
 
 
 def test_things_are_those_of_the_scene_that_the_fleet_has(run: Path) -> None:
     """Those that can be taken; a scene that is gone is told."""
     pushed = Disturbance("c", Of.THING, Kind.PUSHED, "box_1")
-    assert "there are jar_1, bowl_1" in refused(Told(run), pushed)
+    assert "there are jar_1, bowl_1" in refused(FleetWith(run), pushed)
     box = scene.CANONICAL.with_stem("box")
-    fault.possible(Told(run, ROCO_SCENE=str(box)), pushed)
+    fault.possible(FleetWith(run, ROCO_SCENE=str(box)), pushed)
     with pytest.raises(FleetError, match="cannot be read any more"):
-        fault.possible(Told(run, ROCO_SCENE=str(run / "gone.toml")), pushed)
+        fault.possible(FleetWith(run, ROCO_SCENE=str(run / "gone.toml")), pushed)
 
 
-@pytest.mark.parametrize("text", ["1", "1,2", "a,b,c", "1,2,3,4"])
-def test_a_vector_has_three_numbers(text: str) -> None:
-    with pytest.raises(UsageError, match=r"three numbers with commas between, as 0,-0\.05,0"):
-        fault.vector(text)
-
-
-def test_a_vector_is_read() -> None:
+def test_a_vector_has_three_numbers() -> None:
     assert (fault.vector("0,-0.05,1e-3"), fault.vector("")) == ((0.0, -0.05, 0.001), ())
+    for text in ("1", "1,2", "a,b,c", "1,2,3,4"):
+        with pytest.raises(UsageError, match=r"three numbers with commas between, as 0,-0\.05,0"):
+            fault.vector(text)
 
 
 def test_words() -> None:
     """As the record and the report have them."""
     bias = Disturbance("d", Of.ENCODER, Kind.BIAS, "left_arm_3_joint", (0.05,))
-    assert fault.words(bias) == "encoder bias left_arm_3_joint by 0.05"
-    assert fault.words(ZERO) == "wrist zero"
-    assert fault.words(Disturbance("e", Of.THING, Kind.REMOVED, "jar_1")) == "jar_1 removed"
-    noted = Fault(id="d", kind="sensor", target="loop", t=0.0, what=fault.words(bias))
+    assert fault.described(bias) == "encoder bias left_arm_3_joint by 0.05"
+    assert fault.described(ZERO) == "wrist zero"
+    assert fault.described(Disturbance("e", Of.THING, Kind.REMOVED, "jar_1")) == "jar_1 removed"
+    noted = Fault(id="d", kind="sensor", target="loop", t=0.0, what=fault.described(bias))
     assert noted.words == "sensor encoder bias left_arm_3_joint by 0.05"
 
 
 def test_faults_of_several_commands_stand_beside_each_other(run: Path) -> None:
     """Each takes back its own; what has ended by itself is left out."""
-    fleet, kinds = Told(run), {name: fault._kind(Disturbance(name, Of.WRIST, Kind.ZERO), 60.0) for name in "ab"}
+    fleet, kinds = FleetWith(run), {name: fault._kind(Disturbance(name, Of.WRIST, Kind.ZERO), 60.0) for name in "ab"}
     noted = {name: Fault(id=name, kind="sensor", target="loop", t=0.0) for name in "ab"}
     disturbances.write(run / DISTURBANCES_FILE, (Disturbance("old", Of.WRIST, Kind.NAN, until=1.0),))
     for name, kind in kinds.items():

@@ -31,10 +31,11 @@ from pathlib import Path
 from companion.tools.system import SYSTEM
 from operate.pictures.feed import feeding
 from operate.reports import make
+from operate.recording.run import Run
 import services.monitor.__main__, operate.recording.recorder
 told = []
 say = lambda event, **fields: told.append((event, fields.get("file")))
-assert make.everything(Path(sys.argv[2]), SYSTEM, say), told
+assert make.everything(Run(Path(sys.argv[2]), SYSTEM), say), told
 assert feeding({"roco": Path(sys.argv[2])}, SYSTEM, say) == {}
 print(told)
 """
@@ -42,9 +43,10 @@ MADE = """
 from pathlib import Path
 from companion.tools.system import SYSTEM
 from operate.reports import make
+from operate.recording.run import Run
 told = []
 say = lambda event, **fields: told.append((event, fields.get("file")))
-assert make.everything(Path(sys.argv[2]), SYSTEM, say), told
+assert make.everything(Run(Path(sys.argv[2]), SYSTEM), say), told
 print(told)
 """
 

@@ -8,7 +8,7 @@ import msgspec
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Local, Received
 from agent_runtime.core.wiring import Wiring
-from agent_runtime.testing.wires import Wires
+from agent_runtime.testing.memory_bus import MemoryBus
 from companion.binding import wiring
 from companion.design import AgentName
 from companion.languages import hfsm, sw
@@ -59,10 +59,10 @@ class Puppet:
 
 
 class Scene:
-    """Wires with all four; words of the test are said after what is under way has settled."""
+    """MemoryBus with all four; words of the test are said after what is under way has settled."""
 
     def __init__(self, *, limits=LIMITS, seed=0, faults=None, **answers):
-        self.wires = Wires(seed=seed, faults=faults)
+        self.wires = MemoryBus(seed=seed, faults=faults)
         self.puppets = {name: Puppet(name, answers.get(name)) for name in ("hi", "pl", "ta")}
         for name, puppet in self.puppets.items():
             self.wires.add(puppet.agent(), unchecked(wiring(name, "test")))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from partners_of_co import CANCELLED, POUR, SLIPS, Scene, a_plan, no_plan
 
 from agent_runtime.core.step import OUTSIDE
-from agent_runtime.testing.wires import Faults, Point
+from agent_runtime.testing.memory_bus import Faults, Point
 from companion.design import DESIGN, AgentName
 from companion.languages import cmd, hfsm, rc, sw, wm
 from companion.languages.facts import Kind, fact

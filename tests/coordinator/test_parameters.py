@@ -5,7 +5,7 @@ from msgspec.structs import replace
 from partners_of_co import CANCELLED, POUR, Scene, a_plan, no_plan, stop_planning
 
 from agent_runtime.core.step import OUTSIDE
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 from companion.languages import hfsm, sw
 from companion.languages.facts import Kind, fact
 from companion.languages.sw import WorkerState

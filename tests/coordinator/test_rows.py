@@ -5,7 +5,7 @@ import pytest
 from msgspec.structs import replace
 from partners_of_co import BUSY, CANCELLED, SLIPS, UNREACHED, Scene, a_plan, no_plan, refuse_plans, stop_planning
 
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 from companion.design import AgentName
 from companion.languages import cmd, hfsm
 from companion.languages.facts import Kind, fact
@@ -22,7 +22,7 @@ from fipa_codec import languages
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
-from services.coordinator import words
+from services.coordinator import outgoing_messages
 from services.coordinator.memory import Limits
 
 NOT_LOCALIZED = fact(Kind.NOT_LOCALIZED, "bowl_1")
@@ -383,7 +383,7 @@ def test_each_task_of_a_full_queue_hears_how_many_come_before_it(scene):
     for before, (place,) in enumerate(places[1:], 1):
         assert (place.kind, place.numbers) == (Kind.TASKS_BEFORE, (before,))
         assert {one.kind for one in place.because} == {Kind.COMES_BEFORE}
-        assert len(msgspec.msgpack.encode((place,))) <= words.MOST_BYTES
+        assert len(msgspec.msgpack.encode((place,))) <= outgoing_messages.MOST_BYTES
     assert [len(place.because) for (place,) in places[1:3]] == [1, 2]
 
 

@@ -17,7 +17,7 @@ from companion.tasks.swap_hands.command import SwapHands
 from companion.tasks.take.command import Take
 from fipa_codec.performatives import Performative as P
 from services.coordinator.memory import Choice, Job, Stage
-from services.coordinator.offers import queued
+from services.coordinator.queue import queued
 from services.coordinator.scheduling import RULES, Decision, Offer, by_costs, by_deadline, first_come, in_order
 
 seconds = st.floats(0.0, 500.0)

@@ -16,7 +16,7 @@ from agent_runtime.core.binding import wiring
 from agent_runtime.core.effects import Effects
 from agent_runtime.core.step import OUTSIDE
 from agent_runtime.io.devices import Device
-from agent_runtime.testing.wires import Faults, Wires
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
 
 ROBOTS = ("mule", "ox")
 
@@ -45,7 +45,7 @@ class Depot:
     def __init__(
         self, *wishes: Wish, seed: int = 0, faults: Faults | None = None, without: tuple[str, ...] = ()
     ) -> None:
-        self.wires = Wires(seed=seed, faults=faults)
+        self.wires = MemoryBus(seed=seed, faults=faults)
         self.wires.on_step = self._watch
         self.outside: list[str] = []
         self.together = False

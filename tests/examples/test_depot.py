@@ -14,7 +14,7 @@ from depot.mule.memory import FIRST
 from depot_in_memory import Depot, Told, wishes
 from msgspec.structs import replace
 
-from agent_runtime.testing.wires import Faults
+from agent_runtime.testing.memory_bus import Faults
 from fipa_codec.exploration import explore
 from topdown.check import agreement, check
 from topdown.model import elements

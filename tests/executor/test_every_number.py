@@ -17,7 +17,7 @@ from companion.languages import rc
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Within
 from companion.skills.loop_messages import Close, HandCommand, HeadGoal, Motion, Move, Phase, Until, motion
-from services.executor import words
+from services.executor import outgoing_messages
 from services.executor.loop import act
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopCommand
@@ -194,7 +194,7 @@ def test_a_hand_command_is_refused_by_its_field(drawn: tuple[Any, str], side: st
 def test_a_command_of_the_language_is_refused_by_its_field(drawn: tuple[Any, str]) -> None:
     """What is right is not refused."""
     command, field = drawn
-    wrong = words.wrong(command)
+    wrong = outgoing_messages.wrong(command)
     if wrong:
         assert field
         assert field in wrong.text

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from companion.eyes import Eyes
 from companion.look_around import POINTS
 from companion.skills.motions import aim
-from companion.skills.sight import Eye, Sight
+from companion.skills.situation import Eye, Sight
 from services.executor.simulation import receptor
 from velma import names
 from velma.kinematics.frames import heading

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from companion.skills.motions import aim
-from companion.telemetry import PICTURE_S, Picture, told
+from companion.telemetry import PICTURE_S, Picture, decoded
 from services.executor import telemetry
 from services.executor.local import Setup
 from services.executor.looks import SHRINK
@@ -48,7 +48,7 @@ class Screen:
         """The next picture."""
         assert self.come.acquire(timeout=WITHIN_S)
         kind, data = self.found[-1]
-        picture = told(data)
+        picture = decoded(data)
         assert kind == "telemetry"
         assert isinstance(picture, Picture)
         return picture

@@ -13,7 +13,7 @@ from agent_runtime.core.errors import WorkerError
 from companion.eyes import VARIABLE, Eyes, eyes
 from companion.look_around import POINTS
 from companion.skills.motions import aim
-from companion.skills.sight import Eye, Neck, Sight
+from companion.skills.situation import Eye, Neck, Sight
 from services.executor import renderer
 from services.executor.pixel_receptor import OwnPixelReceptor
 from services.executor.receptor import Receptor

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.skills.motions import aim
-from companion.skills.sight import Sight
+from companion.skills.situation import Sight
 from services.executor.receptor import FARTHEST_M, LEAST_M, TURN_NOISE, Receptor
 from velma import names
 from velma.kinematics import ik

@@ -1,5 +1,7 @@
 """Both sides of a conversation, connected by queues, driven by the steps of a story."""
 
+from typing import Any
+
 import msgspec
 from stories import Story
 
@@ -47,10 +49,10 @@ class Dialogue:
             if how == ":":
                 self.take(role.other)
 
-    def say(self, role: Role, performative: Performative, kind: Kind = Kind.PLAIN) -> Communicate:
+    def say(self, role: Role, performative: Performative, kind: Kind = Kind.PLAIN, **options: Any) -> Communicate:
         """Send a message of `role`; it stays in transit."""
         self.count += 1
-        options = {"id": f"{role}-{self.count}", "now": float(self.count), "reply_by": self.reply_by}
+        options = {"id": f"{role}-{self.count}", "now": float(self.count), "reply_by": self.reply_by} | options
         side, message = self.sides[role].send(performative, kind=kind, **options)
         self.sides[role] = recorded(side)
         self.wires[role.other].append((encode(message), kind))

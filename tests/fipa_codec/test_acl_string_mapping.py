@@ -1,5 +1,6 @@
 """Communicate <-> ACL message: no loss, FIPA's names on the outside, typed errors for values without equivalent."""
 
+import itertools
 import math
 import re
 from pathlib import Path
@@ -8,11 +9,12 @@ import msgspec
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from strategies import LABELS, TIMES, WORDS, maybe
 
 from fipa_codec.acl_string import AclMessage, After, Aid, At, Form, from_acl, parse, render, reply_names, to_acl
 from fipa_codec.acl_string.mapping import LABEL, WORD
 from fipa_codec.acl_string.message import MAX_MS, MIN_MS
-from fipa_codec.communicate import MAX_BYTES, Communicate, is_word
+from fipa_codec.communicate import MAX_BYTES, Communicate, decode, encode, is_word
 from fipa_codec.errors import LocalProtocolError, MalformedError
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import Profile
@@ -39,12 +41,9 @@ PROTOCOLS = {
     "propose": "fipa-propose",
 }
 
-WORDS = st.from_regex(r"\A[A-Za-z][A-Za-z0-9_.@-]{0,20}\Z")
-LABELS = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=40)
 ESCAPED = st.text(st.sampled_from("acl:%20_4-"), max_size=16)
 """Words and labels that look like those which stand for a text of another platform."""
-FLOATS = st.floats(allow_nan=False, allow_infinity=False)
-TIMES = FLOATS | st.floats(1.7e9, 1.8e9) | st.integers(17 * 10**11, 18 * 10**11).map(lambda ms: ms / 1000)
+SECONDS = TIMES | st.floats(1.7e9, 1.8e9) | st.integers(17 * 10**11, 18 * 10**11).map(lambda ms: ms / 1000)
 TEXTS = st.text(max_size=12) | st.text(st.sampled_from('"\\\0\n\r\t é本\x7f\x85('), max_size=8)
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | TEXTS | st.binary(max_size=8),
@@ -66,11 +65,6 @@ def contents(draw):
         return packed(None)
 
 
-def maybe(strategy, absent=""):
-    """Return a strategy for an optional field."""
-    return st.just(absent) | strategy
-
-
 COMMUNICATES = st.builds(
     Communicate,
     performative=st.sampled_from(Performative),
@@ -78,14 +72,14 @@ COMMUNICATES = st.builds(
     language=maybe(WORDS | ESCAPED.map("acl-{}".format).filter(is_word)),
     ontology=maybe(WORDS),
     protocol=maybe(WORDS | st.sampled_from([*PROTOCOLS, *PROTOCOLS.values(), "FIPA-Query", "coordinate"])),
-    reply_by=maybe(TIMES, None),
+    reply_by=maybe(SECONDS, None),
     reply_with=maybe(LABELS),
     in_reply_to=maybe(LABELS),
     conversation=maybe(LABELS | ESCAPED.map("acl:{}".format)),
     sender=maybe(WORDS | ESCAPED.map("acl-{}".format).filter(is_word)),
     receiver=maybe(WORDS),
     id=maybe(LABELS),
-    sent=TIMES | st.sampled_from([0.0, -0.0]),
+    sent=SECONDS | st.sampled_from([0.0, -0.0]),
 )
 
 
@@ -128,17 +122,16 @@ def test_outgoing_messages_conform_to_the_standards(communicate):
         assert -0.0011 - 1e-15 * abs(communicate.reply_by) <= late <= 1e-15 * abs(communicate.reply_by)
 
 
-@pytest.mark.parametrize("profile", Profile)
-@pytest.mark.parametrize(("papers", "standard"), PROTOCOLS.items())
-def test_protocol_names_map_one_to_one(papers, standard, profile):
+def test_protocol_names_map_one_to_one():
     """Name to FIPA's token and back, in any case, without a user-defined parameter."""
-    differs = papers in ("request", "query", "subscribe")
-    ours = standard if differs and profile is Profile.FIPA else papers
-    message = to_acl(request(protocol=ours), profile=profile)
-    assert (message.protocol, message.user) == (standard, {})
-    for written in (standard, standard.upper()):
-        read = from_acl(AclMessage(performative=P.REQUEST, protocol=written), RECEIVED, profile=profile)
-        assert read.protocol == ours
+    for (papers, standard), profile in itertools.product(PROTOCOLS.items(), Profile):
+        differs = papers in ("request", "query", "subscribe")
+        ours = standard if differs and profile is Profile.FIPA else papers
+        message = to_acl(request(protocol=ours), profile=profile)
+        assert (message.protocol, message.user) == (standard, {})
+        for written in (standard, standard.upper()):
+            read = from_acl(AclMessage(performative=P.REQUEST, protocol=written), RECEIVED, profile=profile)
+            assert read.protocol == ours
 
 
 @pytest.mark.parametrize("papers", ["request", "query", "subscribe"])
@@ -376,3 +369,81 @@ def test_the_examples_of_the_page():
     asked = from_acl(parse(sent), RECEIVED)
     assert (asked.performative, asked.sender, asked.protocol) == (P.QUERY_REF, "me", "fipa-query")
     assert asked.content == packed({"type": "WhereIs", "object": "jar"})
+
+
+# --- any message of another platform ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("fields", "field"),
+    [
+        ({"conversation_id": "a " * 64}, "conversation (m_c)"),
+        ({"conversation_id": "x" * 129}, "conversation (m_c)"),
+        ({"language": "(set a b)" * 4}, "language (L)"),
+        ({"content": "{", "encoding": "json"}, "content"),
+        ({"content": "1" * 5000, "encoding": "json"}, "content"),
+        ({"content": "[" * 100_000, "encoding": "json"}, "content"),
+        ({"content": "a", "encoding": "msgpack-base64"}, "content"),
+        ({"content": "wQ==", "encoding": "msgpack-base64"}, "communicate"),
+        ({"content": "\ud800"}, "content"),
+        ({"reply_with": "\ud800"}, "message"),
+        ({"content": "x" * (MAX_BYTES + 1)}, "communicate"),
+    ],
+)
+def test_values_without_equivalent_are_named(fields, field):
+    """The error has the field."""
+    with pytest.raises(MalformedError) as caught:
+        from_acl(AclMessage(performative=P.INFORM, **fields), RECEIVED)
+    assert caught.value.field == field
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("X-id", ["", "a b", "x" * 129, "é", "(a b)"]),
+        ("X-sent", ["", "soon", "nan", "inf", "-1e999", "20260101T120000000Z", "(a b)"]),
+        ("X-reply-by", ["", "soon", "nan", "inf", "0"]),
+        ("X-act", ["", "inform-done", "refuse", "(a b)"]),
+        ("X-protocol", ["", "a b", "fipa-request", "x" * 65]),
+        ("X-JADE-Encoding", ["", "Base64", "None", "rot13"]),
+        ("X-JADE-trace", ["", "on", "(a b)"]),
+        ("X-:#", ["", "on"]),
+    ],
+)
+def test_a_user_defined_parameter_that_means_something_else_there_is_ignored(name, values):
+    """SC00061G leaves the names after X- to everybody: no value of one is an error, and none changes the rest."""
+    for value, protocol in itertools.product(values, ("a b", "fipa-query", None)):
+        plain = AclMessage(performative=P.INFORM, content="é", protocol=protocol, reply_by=At(1_767_268_800_250))
+        message = msgspec.structs.replace(plain, user={name: value})
+        read = parse(render(message))
+        assert read.user == {name: value}
+        assert from_acl(read, RECEIVED) == from_acl(plain, RECEIVED)
+
+
+ANY = st.none() | st.text(max_size=12)
+FOREIGN = st.builds(
+    AclMessage,
+    performative=st.sampled_from(Performative),
+    sender=st.none() | st.builds(Aid, name=st.text(min_size=1, max_size=8)),
+    content=ANY | st.binary(max_size=8),
+    encoding=ANY | st.sampled_from(["json", "msgpack-base64"]),
+    language=ANY,
+    protocol=ANY | st.sampled_from(["fipa-query", "fipa-request", "FIPA-Contract-Net"]),
+    conversation_id=ANY,
+    reply_by=st.none() | st.builds(At, st.integers(MIN_MS, MAX_MS)) | st.builds(After, st.integers(-9, 9)),
+    user=st.dictionaries(
+        st.sampled_from(["X-id", "X-sent", "X-reply-by", "X-act", "X-protocol", "X-JADE-Encoding", "X-mood"]),
+        st.text(max_size=8) | st.sampled_from(["base64", "inform", "query", "1e3"]),
+    ),
+)
+
+
+@given(FOREIGN)
+def test_any_message_is_a_communicate_or_a_typed_error(message):
+    """No message causes another exception, and the result can be encoded and decoded."""
+    try:
+        communicate = from_acl(message, RECEIVED)
+    except MalformedError:
+        communicate = None
+    if communicate is not None:
+        assert decode(encode(communicate)) == communicate

@@ -1,7 +1,7 @@
 """Conversations from the text of FIPA's specifications: both sides of ours, and a judge beside them, say the same."""
 
-import pytest
 from by_the_book import LINES, Line, Message, line
+from rows import each_row
 
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
@@ -82,19 +82,18 @@ def judged(judge: Followed, said: Message) -> bool:
     return not isinstance(read, str) and judge.take(said.role, read)
 
 
-@pytest.mark.parametrize("text", LINES)
-def test_a_conversation_of_the_book(text: str) -> None:
-    """Every message but an illegal last one is legal; all who look at it agree."""
-    played = line(text)
-    play = Play(played)
-    for said in played.messages[:-1]:
-        assert play.verdicts(said) == {True}, said
-        assert judged(play.lenient, said), said
-    last = played.messages[-1]
-    assert play.verdicts(last) == {played.legal}
-    assert judged(play.lenient, last) or not played.legal
+def test_every_conversation_of_the_book() -> None:
+    """Every message but an illegal last one is legal; all who look at it agree. There are enough, and none twice."""
 
+    def agreed(text: str) -> None:
+        played = line(text)
+        play = Play(played)
+        *before, last = played.messages
+        for said in before:
+            assert play.verdicts(said) == {True}, said
+            assert judged(play.lenient, said), said
+        assert play.verdicts(last) == {played.legal}
+        assert judged(play.lenient, last) or not played.legal
 
-def test_there_are_enough_of_them() -> None:
-    """And none twice."""
+    each_row(((text,) for text in LINES), agreed)
     assert len(set(LINES)) == len(LINES) >= REQUIRED

@@ -5,15 +5,14 @@ from enum import StrEnum
 from typing import Any
 
 import msgspec
-from pretended_fleet import Fleet
+from pretended_fleet import NAMES, POUR, Fleet, Heard
 
-from agent_runtime.testing.wires import LATENCY_S
+from agent_runtime.testing.memory_bus import LATENCY_S
 from companion.all_languages import RC
-from companion.design import DESIGN
 from fipa_codec.communicate import Communicate
 
-COMMAND = "pour the jar into the bowl"
-VICTIMS = tuple(DESIGN.agents)
+COMMAND = POUR
+VICTIMS = NAMES
 
 
 class Side(StrEnum):
@@ -26,62 +25,55 @@ class Side(StrEnum):
 class Ending(msgspec.Struct, frozen=True):
     """State at the end of a run.
 
-    `world`: km's; `stands`: poses and grips as they are; `word`: hi's last; `acts`: kinds of act that ta commanded, in
-    their order; `doubled`: keys of acts that were commanded or begun more than once; `poured`: how often.
+    `world`: km's; `stands`: poses and grips as they are; `last`: the states of hi's tasks; `acts`: kinds of act that ta
+    commanded, in their order; `doubled`: keys of acts that were commanded or begun more than once; `poured`: how often;
+    `messages`: how many there were.
     """
 
     world: Any
     stands: Any
-    word: str
+    last: str
     acts: tuple[str, ...]
     doubled: tuple[str, ...]
     poured: int
+    messages: int
 
 
-class Traffic(list[Communicate]):
+class Traffic(Heard):
     """The traffic of wires; at message `number` (from 1) the victim is killed. Copies count."""
 
     def __init__(self, fleet: Fleet, victim: str, number: int, side: Side) -> None:
-        super().__init__()
-        self._wires, self._victim, self._number, self._side = fleet.wires, victim, number, side
+        super().__init__(fleet)
+        self._victim, self._number, self._side = victim, number, side
         fleet.wires.traffic = self
 
     def append(self, communicate: Communicate) -> None:
         """It is sent; the wires put its arrival on the agenda right after this."""
         super().append(communicate)
         if len(self) == self._number:
-            wires = self._wires
+            wires = self._fleet.wires
             kill = lambda: wires.kill(self._victim)  # noqa: E731
-            later = kill if self._side is Side.BEFORE else lambda: wires._at(wires.now, kill)
-            wires._at(wires.now + LATENCY_S, later)
+            later = kill if self._side is Side.BEFORE else lambda: wires.call(0.0, kill)
+            wires.call(LATENCY_S, later)
 
 
 def run(victim: str = "", number: int = 0, side: Side = Side.BEFORE) -> Ending:
-    """Return the ending of a run with a death in it; without a victim of one without."""
-    fleet = Fleet()
-    try:
+    """The ending of a run with a death in it; without a victim of one without."""
+    with Fleet() as fleet:
         Traffic(fleet, victim, number, side)
         fleet.say(COMMAND)
-        states = fleet.finish()
-        return ending(fleet, states)
-    finally:
-        fleet.close()
+        return ending(fleet, fleet.finish())
 
 
 def messages() -> int:
-    """Return how many messages a run without a death has."""
-    fleet = Fleet()
-    traffic = Traffic(fleet, "", 0, Side.BEFORE)
-    fleet.say(COMMAND)
-    fleet.finish()
-    fleet.close()
-    return len(traffic)
+    """How many messages a run without a death has."""
+    return run().messages
 
 
 def ending(fleet: Fleet, states: list[str]) -> Ending:
-    """Return what is left."""
+    """What is left."""
     scene = fleet.wires.memory("km").scene
-    things = {name: (one.model, one.pose, one.on, one.inside) for name, one in scene.things.items()}
+    objects = {name: (one.model, one.pose, one.on, one.inside) for name, one in scene.things.items()}
     requests = {
         (one.sender, one.id): RC.decode(one.content)
         for one in fleet.wires.traffic
@@ -91,10 +83,11 @@ def ending(fleet: Fleet, states: list[str]) -> Ending:
     begun = fleet.world.begun
     starts = Counter(key for at, key in enumerate(begun) if at == 0 or begun[at - 1] != key)
     return Ending(
-        world=(things, scene.hands, scene.joints, scene.contents, scene.reserved),
+        world=(objects, scene.hands, scene.joints, scene.contents, scene.reserved),
         stands=dict(fleet.world.poses),
-        word=" ".join(states),
+        last=" ".join(states),
         acts=tuple(type(content).__name__ for content in requests.values()),
         doubled=tuple(sorted(key for count in (commanded, starts) for key, times in count.items() if times > 1)),
         poured=fleet.world.poured,
+        messages=len(fleet.wires.traffic),
     )

@@ -13,6 +13,5 @@ def fleet():
     """Six agents in memory; the search is scripted, the robot pretended."""
     from pretended_fleet import Fleet
 
-    made = Fleet()
-    yield made
-    made.close()
+    with Fleet() as made:
+        yield made

@@ -14,36 +14,35 @@ from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
 from agent_runtime.io.steplog import StepLog, noted
 from companion.tools.system import SYSTEM
-from operate.recording import reasons, traced
+from operate.recording import reasons
+from operate.recording.run import Run
 from operate.tracing.reasons import Why
 
 APART_S = 1e-7
 
 
-class Logged:
-    """Writes the steps of a fleet into a run folder; `why` reads them as `roco why` does."""
+class LoggedFleet(Fleet):
+    """Writes its steps into a run folder; `why` and `traced` read them as `roco why` and `roco trace` do."""
 
-    def __init__(self, fleet: Fleet, run: Path) -> None:
-        self.fleet, self.run = fleet, run
-        self._logs: list[StepLog] = []
-        self._steps = 0
-        for name, node in fleet.wires.nodes.items():
-            log = StepLog(run / "steps" / f"{name}.steps")
-            self._logs.append(log)
-            self._watch(node.core, log)
+    def __init__(self, run: Path) -> None:
+        super().__init__()
+        self.run = run
+        self.logs = {name: StepLog(run / "steps" / f"{name}.steps") for name in self.wires.nodes}
+        self._count = 0
+        for name, node in self.wires.nodes.items():
+            self._log(node.core, self.logs[name])
 
-    def _watch(self, core: Core[Any], log: StepLog) -> None:
-        """Note what a core does from now on."""
+    def _log(self, core: Core[Any], log: StepLog) -> None:
         boot, step = core.boot, core.step
 
         def booted(record: bytes | None) -> CoreState:
             state = boot(record)
-            log.boot(state.incarnation - 1, b"" if record is None else record, self.fleet.wires.now)
+            log.boot(state.incarnation - 1, b"" if record is None else record, self.wires.now)
             return state
 
         def stepped(state: CoreState, event: AnyEvent, now: float) -> tuple[CoreState, Effects]:
-            self._steps += 1
-            at = now + self._steps * APART_S
+            self._count += 1
+            at = now + self._count * APART_S
             after, effects = step(state, event, at)
             seen = effects.handled.communicate if isinstance(effects.handled, Received) else None
             log.write([noted(after.incarnation, after.soft.step, at, event, effects, seen)])
@@ -51,21 +50,22 @@ class Logged:
 
         core.boot, core.step = booted, stepped  # type: ignore[method-assign]
 
-    def why(self, about: str = "") -> Why:
-        """The reasons of a task, or of the newest one."""
-        self._flush()
-        return reasons.of(self.run, SYSTEM, about)
-
-    def traced(self) -> traced.Run:
-        """The trace of all that was said so far."""
-        self._flush()
-        return traced.of(self.run, SYSTEM)
-
-    def close(self) -> None:
-        """Close the logs."""
-        for log in self._logs:
+    def __exit__(self, kind: object, *more: object) -> None:
+        for log in self.logs.values():
             log.close()
+        super().__exit__(kind, *more)
 
-    def _flush(self) -> None:
-        for log in self._logs:
+    def reasons(self, about: str = "") -> Why:
+        """The reasons of a task, or of the newest one."""
+        self.flush()
+        return reasons.of(Run(self.run, SYSTEM), about)
+
+    def traced(self) -> Run:
+        """The run as far as it has gone."""
+        self.flush()
+        return Run(self.run, SYSTEM)
+
+    def flush(self) -> None:
+        """Write what was logged so far."""
+        for log in self.logs.values():
             log.flush()

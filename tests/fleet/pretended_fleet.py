@@ -1,26 +1,43 @@
-"""All agents of the design on virtual wires, with a person at hi; search and robot as the test wants them."""
+"""All agents of the design on virtual wires, with a person at hi; search and robot as the test wants them.
 
+Whatever a test does with a fleet, `close` finds what is wrong in any run: an act that began twice, a step outside the
+design, a message that the design does not allow, and, of wires that make no copies, a violation of its protocols.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
+from itertools import groupby
 from typing import Any
 
 from pretended_robot import Robot, World
 from scripted_search import Script
 
+from agent_runtime.core.control import SetParameter
+from agent_runtime.core.effects import Deed, Effects
+from agent_runtime.core.step import OUTSIDE
 from agent_runtime.io.devices import DeviceMaker, Post
-from agent_runtime.testing.wires import Faults, Wires
-from companion.all_languages import SW
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
+from companion.all_languages import LANGUAGES, SW
+from companion.autonomy import LEVEL, STEP, Level, Verb, Word
 from companion.binding import wiring
-from companion.design import DESIGN
+from companion.design import DESIGN, language_of
 from companion.languages import sw, wm
 from companion.languages.cmd import TaskState
+from companion.languages.facts import Facts
 from companion.tools.system import JOB, PROCESSES
+from fipa_codec.communicate import Communicate, encode
 from services.human_interface.grammar import understand
 from services.human_interface.local import Answer, CancelWanted, Said
-from services.knowledge import store_device
+from services.knowledge.store import device_at
+from topdown.judge.judge import Judge
+from topdown.judge.verdicts import Judgement, Verdict
 
 MODULES = {one.name: f"{one.module}.behaviours" for one in PROCESSES if one.name in DESIGN.agents}
 NAMES = tuple(DESIGN.agents)
 FINAL = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
+POUR = "pour the jar into the bowl"
+LATE = {Verdict.LATE, Verdict.UNANSWERED}
+"""True verdicts where a peer is dead for too long."""
 
 
 class Person:
@@ -40,7 +57,7 @@ class Person:
 
 
 class Fleet:
-    """`say` and `cancel` as a person would; `tasks` as hi shows them."""
+    """`say` and `cancel` as a person would; `tasks` as hi shows them; `deeds`: those of all agents, in order."""
 
     def __init__(
         self,
@@ -50,27 +67,52 @@ class Fleet:
         search: DeviceMaker | None = None,
         robot: DeviceMaker | None = None,
     ) -> None:
-        self.wires = Wires(seed=seed, faults=faults)
+        self.wires = MemoryBus(seed=seed, faults=faults)
         self.world, self.person = World(), Person()
         self.asked: list[wm.AnyQuery] = []
+        self.deeds: list[tuple[str, Deed]] = []
+        self.judge, self.judgements = Judge(DESIGN, LANGUAGES), list[Judgement]()
+        self.judged = faults is None or not faults.duplication
+        self._lives: dict[str, int] = {}
+        self.watch: Callable[[str, Effects], None] = lambda agent, effects: None
         self._tickets = 0
         devices = {
             "hi": lambda post: self.person,
             "pl": search or (lambda post: Script(post, self.asked)),
-            "km": store_device.at(None),
+            "km": device_at(None),
             "ex": robot or self._robot,
         }
         for name in NAMES:
             agent = import_module(MODULES[name]).agent()
             self.wires.add(agent, wiring(name, "test"), devices.get(name))
+        self.wires.traffic = Heard(self)
+        self.wires.on_step = self._stepped
+
+    def __enter__(self) -> "Fleet":
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        self.wires.close()
+        assert kind is not None or not (found := self.wrong()), found
 
     def _robot(self, post: Post) -> Robot:
         return Robot(post, self.world, lambda delay, call: self.wires._at(self.wires.now + delay, call))
 
-    def say(self, text: str, urgency: int = 0) -> None:
+    def _stepped(self, agent: str, effects: Effects) -> None:
+        state = self.wires.nodes[agent].state
+        if state is not None and self._lives.get(agent) != state.incarnation:
+            self._lives[agent] = state.incarnation
+            self.judgements += self.judge.lived(agent, state.incarnation, self.wires.now, fresh=True)
+        if effects.deed is not None:
+            self.deeds.append((agent, effects.deed))
+        self.watch(agent, effects)
+
+    # --- what a person does -------------------------------------------------------------------------------------------
+
+    def say(self, text: str = POUR, urgency: int = 0) -> None:
         """A person's words; hi is asked again until it knows its co."""
         self._tickets += 1
-        self.wires.run(lambda: self.up("hi") and "co" in self.wires.nodes["hi"].state.soft.peers)
+        self.until(lambda: self.up("hi") and "co" in self.wires.nodes["hi"].state.soft.peers)
         self.wires.post("hi", Said(f"t{self._tickets}", text, understand(text), urgency=urgency))
 
     def cancel(self) -> None:
@@ -78,9 +120,69 @@ class Fleet:
         self._tickets += 1
         self.wires.post("hi", CancelWanted(f"t{self._tickets}"))
 
+    def order(self, verb: Verb, at: str = "") -> None:
+        """The operator's order about the act that waits, or another one."""
+        self.wires.order("ta", SetParameter(STEP, str(Word(verb, at or self.waits_for))))
+
+    def set_level(self, level: Level) -> None:
+        """How much ta does without asking an operator, from now on."""
+        self.wires.order("ta", SetParameter(LEVEL, level.value))
+
+    def begin(self, level: Level) -> "Fleet":
+        """Ask for a pour at this level, once the look around at the start is over, which waits for nobody."""
+        self.until(lambda: self.state("ta") == "surveying")
+        self.until(lambda: self.state("ta") == "idle")
+        self.set_level(level)
+        self.say()
+        self.until(lambda: self.tasks)
+        return self
+
+    def let_go(self) -> str:
+        """Let the act begin that waits, as soon as one does; its place in the plan, "" if all tasks ended before."""
+        self.until(lambda: self.waiting or self.ended(len(self.tasks)))
+        place = self.waits_for
+        if place:
+            self.order(Verb.GO)
+            self.until(lambda: self.waits_for != place)
+        return place
+
+    def step_through(self) -> list[str]:
+        """Let all acts begin until the tasks have ended; their places in the plans."""
+        return list(iter(self.let_go, ""))
+
+    # --- what there is to see -----------------------------------------------------------------------------------------
+
+    def until(self, condition: Callable[[], object], limit_s: float = 300.0) -> None:
+        """Go on until this holds."""
+        self.wires.run(lambda: bool(condition()), limit_s=limit_s)
+
     def up(self, name: str) -> bool:
         """Whether the agent lives."""
         return self.wires.nodes[name].state is not None
+
+    def state(self, name: str) -> str:
+        """The state of an agent; "" of a dead one."""
+        return self.wires.nodes[name].state.state if self.up(name) else ""
+
+    @property
+    def held(self) -> dict[Any, Any]:
+        """What the hands hold, as ex remembers."""
+        return self.wires.memory("ex").remembered.held
+
+    @property
+    def waits_for(self) -> str:
+        """The place in the plan of the act that waits, as hi's person sees it."""
+        return next((task.asks for task in self.tasks if task.asks), "")
+
+    @property
+    def waiting(self) -> bool:
+        """Whether ta waits and the person can see it."""
+        return self.state("ta") == "waiting" and bool(self.waits_for)
+
+    @property
+    def steps(self) -> dict[str, int]:
+        """Number of steps that each agent has made."""
+        return {name: node.steps for name, node in self.wires.nodes.items()}
 
     @property
     def tasks(self) -> tuple[Any, ...]:
@@ -94,8 +196,8 @@ class Fleet:
 
     def finish(self, count: int = 1, limit_s: float = 900.0) -> list[str]:
         """Go on until that many tasks have ended and everybody rests; their states."""
-        self.wires.run(lambda: self.ended(count), limit_s=limit_s)
-        self.wires.run(self.at_rest, limit_s=300.0)
+        self.until(lambda: self.ended(count), limit_s)
+        self.until(self.at_rest)
         return [str(task.state) for task in self.tasks]
 
     def at_rest(self) -> bool:
@@ -105,20 +207,75 @@ class Fleet:
             nodes[name].state.conversations or nodes[name].state.due for name in NAMES
         )
 
+    def why(self) -> Facts:
+        """The reason that hi was told last of the first task."""
+        return self.tasks[0].why
+
+    def informs(self) -> Iterator[tuple[Communicate, sw.Report]]:
+        """ta's informs to co."""
+        for one in self.wires.traffic:
+            if (one.sender, one.receiver, str(one.performative)) == ("ta", "co", "inform"):
+                yield one, SW.decode(one.content)
+
     def reports(self) -> list[str]:
         """ta's final reports to co, each once."""
-        finals: dict[str, str] = {}
-        for one in self.wires.traffic:
-            if one.sender == "ta" and one.receiver == "co" and str(one.performative) == "inform":
-                report = SW.decode(one.content)
-                if report.state in sw.FINAL:
-                    finals[f"{one.conversation} {one.id}"] = str(report.state)
-        return list(finals.values())
+        said = {(one.conversation, one.id): report.state for one, report in self.informs()}
+        return [str(state) for state in said.values() if state in sw.FINAL]
 
     def answers(self) -> list[Answer]:
         """Answers of hi to the person."""
         return [one for one in self.person.told if isinstance(one, Answer)]
 
+    # --- what must hold of every run ----------------------------------------------------------------------------------
+
+    def wrong(self) -> list[str]:
+        """Whatever is wrong in the run so far."""
+        begun = [key for key, _ in groupby(self.world.begun)]  # an act has several motions, one after the other
+        twice = [f"{key} began again" for key in {key for key in begun if begun.count(key) > 1}]
+        nodes = self.wires.nodes.items()
+        outside = [f"{name} left the design" for name, node in nodes if node.state and node.state.counts.get(OUTSIDE)]
+        return [*twice, *outside, *against_design(self.wires.traffic), *self.violations()]
+
+    def violations(self) -> list[str]:
+        """What the judge finds wrong."""
+        if not self.judged:
+            return []
+        self.judgements += self.judge.finish(self.wires.now)
+        wrong = [one for one in self.judgements if one.violation and one.verdict not in LATE]
+        return [f"{one.verdict}: {one.heard.communicate} {one.why}" for one in wrong]
+
     def close(self) -> None:
-        """Close all devices."""
-        self.wires.close()
+        """Close all devices, and look at the run."""
+        self.__exit__(None)
+
+
+class Heard(list[Communicate]):
+    """The traffic of a fleet, which its judge hears as it is sent."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__()
+        self._fleet = fleet
+
+    def append(self, communicate: Communicate) -> None:
+        """It is sent."""
+        super().append(communicate)
+        fleet, key = self._fleet, DESIGN.key("test", communicate)
+        if fleet.judged:
+            fleet.judgements += fleet.judge.hear(key, encode(communicate), fleet.wires.now)
+
+
+def against_design(traffic: Iterable[Communicate]) -> set[str]:
+    """What was said by whom it is not allowed to, in another language or class, or at greater length."""
+    return {found for one in traffic if (found := _against_design(one))}
+
+
+def _against_design(one: Communicate) -> str:
+    rule = DESIGN.rule(one)
+    content, _ = LANGUAGES.read(one)
+    here = f"{one.sender}->{one.receiver} {one.protocol} {one.performative}"
+    if content is None:
+        return "" if len(encode(one)) <= rule.bytes else f"{here}: {len(encode(one))} bytes"
+    name = f"{language_of(content).name}.{type(content).__name__}"
+    if name not in rule.sizes:
+        return f"{here} says {name}, not one of {', '.join(rule.sizes)}"
+    return "" if len(encode(one)) <= rule.sizes[name] else f"{here} {name}: {len(encode(one))} bytes"

@@ -1,6 +1,7 @@
 """A command given before the world was looked at: it waits for the end of the look around, however long that takes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import product
 from typing import Any
 
 import msgspec
@@ -11,19 +12,18 @@ from pretended_robot import Robot, World
 
 from agent_runtime.core.events import PeerChanged
 from agent_runtime.io.devices import Post
-from agent_runtime.testing.wires import Faults, Point
+from agent_runtime.testing.memory_bus import Faults, Point
 from companion.all_languages import CMD, WM
 from companion.languages import rc, wm
 from companion.languages.cmd import TaskReport
 from companion.languages.facts import Facts, Kind, fact, with_reasons
 from companion.languages.values import Pose
-from services.coordinator import words
+from services.coordinator import outgoing_messages
 from services.executor.local import Ended, Felt, Move, Perform
 from services.knowledge import behaviours as knowledge
 from services.knowledge.observe import observed
 from services.knowledge.scene import Scene
 
-POUR = "pour the jar into the bowl"
 NO_LIGHT = (fact(Kind.NOTHING_IS_SEEN),)
 SLOW_S = 25.0
 TIRED_S = 300.0  # by then every command has ended that waits for a robot which never looks: estimate, some tries long
@@ -66,7 +66,7 @@ class Blind(Robot):
 
 
 class Silent(Robot):
-    """Never says what came of an act."""
+    """Never says how an act ended."""
 
     def tell(self, content: object) -> None:
         """Say nothing of it."""
@@ -74,166 +74,167 @@ class Silent(Robot):
             super().tell(content)
 
 
-def fleet_with(robot: type[Robot]) -> Fleet:
+def fleet_of(kind: type[Robot]) -> Fleet:
     """The fleet with a robot of this kind."""
-    made = Fleet(robot=lambda post: robot(post, made.world, lambda s, call: made.wires._at(made.wires.now + s, call)))
+    made = Fleet(robot=lambda post: kind(post, made.world, made.wires.call))
     return made
 
 
+@pytest.fixture
+def fleet(request: pytest.FixtureRequest) -> Iterator[Fleet]:
+    """The fleet with a robot of the kind that the test is marked with."""
+    with fleet_of(getattr(request, "param", Robot)) as made:
+        yield made
+
+
+slow, blind, silent = (pytest.mark.parametrize("fleet", [kind], indirect=True) for kind in (Slow, Blind, Silent))
+
+
 def reports(fleet: Fleet) -> list[TaskReport]:
-    """Return co's reports to hi, in order."""
+    """co's reports to hi, in order."""
     said = [one for one in fleet.wires.traffic if one.sender == "co" and one.receiver == "hi" and one.content]
     return [report for one in said if isinstance(report := CMD.decode(one.content), TaskReport)]
 
 
 def refused(fleet: Fleet, within_s: float) -> Facts:
     """Why the first command fails, in this time."""
-    fleet.wires.run(fleet.ended, limit_s=within_s)
+    fleet.until(fleet.ended, within_s)
     assert [str(task.state) for task in fleet.tasks] == ["failed"]
     return fleet.tasks[0].why
 
 
-def test_a_look_around_of_minutes() -> None:
+@slow
+def test_a_look_around_of_minutes(fleet: Fleet) -> None:
     """The command was given before it began, and is carried out; the person is told once what is waited for."""
-    fleet = fleet_with(Slow)
-    fleet.say(POUR)
-    fleet.wires.run(lambda: fleet.wires.up("ex") and fleet.wires.nodes["ex"].state.state == "preparing")
+    fleet.say()
+    fleet.until(lambda: fleet.state("ex") == "preparing")
     assert fleet.wires.memory("co").jobs, "the command came first"
     began = fleet.wires.now
-    fleet.wires.run(lambda: fleet.wires.nodes["ta"].state.state != "surveying", limit_s=600.0)
+    fleet.until(lambda: fleet.state("ta") != "surveying", 600.0)
     assert fleet.wires.now - began > 120.0
     assert fleet.finish() == ["done"]
     told = [one.why for one in reports(fleet)]
-    assert told.count((fact(Kind.PLAN, 1, words.LOOKS),)) == 1
+    assert told.count((fact(Kind.PLAN, 1, outgoing_messages.LOOKS),)) == 1
     assert told.count((fact(Kind.PLAN, 1),)) == 1, "what waited for the look around is no further plan"
-    fleet.close()
 
 
-def test_a_cancel_meanwhile() -> None:
+@slow
+def test_a_cancel_meanwhile(fleet: Fleet) -> None:
     """It ends the command at once; the next one waits again, and is carried out."""
-    fleet = fleet_with(Slow)
-    fleet.say(POUR)
+    fleet.say()
     fleet.wires.run_for(40.0)
     fleet.cancel()
-    fleet.wires.run(fleet.ended, limit_s=1.0)
-    fleet.say(POUR)
+    fleet.until(fleet.ended, 1.0)
+    fleet.say()
     assert fleet.finish(2) == ["cancelled", "done"]
-    fleet.close()
 
 
 @pytest.mark.parametrize("victim", ["km", "ta", "ex", "pl", "co"])
-@pytest.mark.parametrize("point", list(Point))
-@pytest.mark.parametrize("at_s", [5.0, 80.0])
-def test_a_death_amid_a_long_look_around(victim: str, point: Point, at_s: float) -> None:
+def test_a_death_amid_a_long_look_around(victim: str, some: Callable[[Any, int], list[Any]]) -> None:
     """The command is carried out whichever agent dies while the robot looks around, and comes back."""
-    fleet = fleet_with(Slow)
-    fleet.say(POUR)
-    fleet.wires.run_for(at_s)
-    fleet.wires.crash(victim, point, restart_s=3.0)
-    assert fleet.finish() == ["done"]
-    fleet.close()
+    for at_s, point in some([*product((5.0, 80.0), Point)], 3):
+        with fleet_of(Slow) as fleet:
+            fleet.say()
+            fleet.wires.run_for(at_s)
+            fleet.wires.crash(victim, point, restart_s=3.0)
+            assert fleet.finish() == ["done"], (at_s, point)
 
 
 def test_km_away_at_the_end_of_it(fleet: Fleet) -> None:
     """ta keeps what the look around told, and that it is over, until km has it."""
-    fleet.wires.run(lambda: fleet.up("ta") and fleet.wires.nodes["ta"].state.state == "surveying")
+    fleet.until(lambda: fleet.state("ta") == "surveying")
     fleet.wires.crash("km", Point.BEFORE, restart_s=15.0)
-    fleet.wires.run(lambda: not fleet.up("km"), limit_s=20.0)
-    fleet.say(POUR)
-    fleet.wires.run(lambda: fleet.wires.nodes["ta"].state.state == "idle")
+    fleet.until(lambda: not fleet.up("km"), 20.0)
+    fleet.say()
+    fleet.until(lambda: fleet.state("ta") == "idle")
     assert not fleet.up("km")
     assert fleet.finish() == ["done"]
 
 
-def test_the_robot_cannot_look() -> None:
+@blind
+def test_the_robot_cannot_look(fleet: Fleet) -> None:
     """After some tries the reason is told; once it can, the next command is carried out."""
-    fleet = fleet_with(Blind)
-    fleet.say(POUR)
+    fleet.say()
     assert refused(fleet, 30.0) == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.NOTHING_IS_SEEN)),)
-    fleet.close()
 
 
 def test_ex_dead_for_good(fleet: Fleet) -> None:
     """The wait for a look around that nobody makes ends in words; once ex is back, commands are served."""
     fleet.wires.crash("ex", Point.BEFORE, restart_s=900.0)
-    fleet.say(POUR)
+    fleet.say()
     assert refused(fleet, 120.0) == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.NOT_ANSWERING, "ex")),)
-    fleet.wires.run(fleet.at_rest, limit_s=1200.0)
-    fleet.say(POUR)
+    fleet.until(fleet.at_rest, 1200.0)
+    fleet.say()
     assert fleet.finish(2) == ["failed", "done"]
 
 
 def test_ta_dead_for_good(fleet: Fleet) -> None:
     """km waits a while for an observer, and says that there is none; once ta is there, commands are served."""
     fleet.wires.crash("ta", Point.BEFORE, restart_s=900.0)
-    fleet.say(POUR)
+    fleet.say()
     assert refused(fleet, 60.0) == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.OBSERVER_AWAY)),)
-    fleet.wires.run(fleet.at_rest, limit_s=1200.0)
-    fleet.say(POUR)
+    fleet.until(fleet.at_rest, 1200.0)
+    fleet.say()
     assert fleet.finish(2) == ["failed", "done"]
 
 
 def test_a_command_right_after_ta_came_late(fleet: Fleet) -> None:
     """km had said already that nobody has the robot look; from here on questions wait again."""
     fleet.wires.crash("ta", Point.BEFORE, restart_s=100.0)
-    fleet.wires.run(lambda: bool(fleet.up("km") and fleet.wires.memory("km").blind))
-    fleet.wires.run(lambda: fleet.up("ta"), limit_s=200.0)
-    fleet.say(POUR)
+    fleet.until(lambda: bool(fleet.up("km") and fleet.wires.memory("km").blind))
+    fleet.until(lambda: fleet.up("ta"), 200.0)
+    fleet.say()
     assert fleet.finish() == ["done"]
 
 
-def test_ta_seems_to_be_gone_for_a_moment() -> None:
+@slow
+def test_ta_seems_to_be_gone_for_a_moment(fleet: Fleet) -> None:
     """The same life of it is seen again: its look around goes on, and is waited for."""
-    fleet = fleet_with(Slow)
-    fleet.say(POUR)
+    fleet.say()
     fleet.wires.run_for(30.0)
     life = fleet.wires.nodes["ta"].state.incarnation
     fleet.wires._later("km", PeerChanged("ta", None))
     fleet.wires._later("km", PeerChanged("ta", life), 5.0)
     assert fleet.finish() == ["done"]
-    fleet.close()
 
 
-def test_ta_dies_for_good_amid_it() -> None:
+@slow
+def test_ta_dies_for_good_amid_it(fleet: Fleet) -> None:
     """Likewise where it had agreed to tell."""
-    fleet = fleet_with(Slow)
-    fleet.say(POUR)
+    fleet.say()
     fleet.wires.run_for(30.0)
     fleet.wires.crash("ta", Point.BEFORE, restart_s=9000.0)
-    fleet.wires.run(lambda: not fleet.up("ta"))
+    fleet.until(lambda: not fleet.up("ta"))
     assert refused(fleet, 60.0) == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.OBSERVER_AWAY)),)
-    fleet.close()
 
 
-def test_a_silent_robot() -> None:
+@silent
+def test_a_silent_robot(fleet: Fleet) -> None:
     """ex gives its skill up each time, ta after some tries."""
-    fleet = fleet_with(Silent)
-    fleet.say(POUR)
+    fleet.say()
     assert [one.kind for one in with_reasons(refused(fleet, TIRED_S))] == [Kind.NOT_LOOKED_AROUND, Kind.NO_MOTION_FOUND]
-    fleet.close()
 
 
 def test_a_look_around_on_command(fleet: Fleet) -> None:
     """A look around that failed is made good by one that a person asks for."""
     fleet.world.poses.clear()
     fleet.wires.crash("ex", Point.BEFORE, restart_s=200.0)
-    fleet.say(POUR)
+    fleet.say()
     assert fact(Kind.NOT_ANSWERING, "ex") in with_reasons(refused(fleet, 120.0))
-    fleet.wires.run(fleet.at_rest, limit_s=400.0)
+    fleet.until(fleet.at_rest, 400.0)
     fleet.say("look around")
     assert fleet.finish(2) == ["failed", "done"]
-    fleet.say(POUR)
+    fleet.say()
     fleet.finish(3)
     assert fact(Kind.SEEN_NOTHING) in fleet.tasks[-1].why, "the world was looked at: it is empty"
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_who_knows_of_its_end_knows_the_rest(seed: int) -> None:
+def test_who_knows_of_its_end_knows_the_rest(some: Callable[[Any, int], list[Any]]) -> None:
     """No question is answered before all that the look around showed is known, whatever is lost on the way."""
-    fleet = Fleet(seed=seed, faults=Faults(loss=0.3))
-    fleet.wires.run(lambda: fleet.up("km") and not fleet.wires.memory("km").patient, limit_s=300.0)
-    assert set(fleet.wires.memory("km").scene.things) == set(fleet.world.poses)
-    fleet.close()
+    for seed in some(range(10), 4):
+        with Fleet(seed=seed, faults=Faults(loss=0.3)) as fleet:
+            fleet.until(lambda fleet=fleet: fleet.up("km") and not fleet.wires.memory("km").patient)
+            assert set(fleet.wires.memory("km").scene.things) == set(fleet.world.poses), seed
 
 
 def test_what_was_seen_is_told_though_the_end_of_the_look_around_is_not_known() -> None:
@@ -248,8 +249,8 @@ def test_what_was_seen_is_told_though_the_end_of_the_look_around_is_not_known() 
 
 def test_what_was_looked_at_stays_looked_at(fleet: Fleet) -> None:
     """If a later look around fails, nobody is told that nothing was looked at."""
-    fleet.wires.run(lambda: fleet.up("km") and not fleet.wires.memory("km").patient)
-    fleet.wires.run(fleet.at_rest)
+    fleet.until(lambda: fleet.up("km") and not fleet.wires.memory("km").patient)
+    fleet.until(fleet.at_rest)
     late = wm.NothingSeen((fact(Kind.NOTHING_IS_SEEN),))
     ta = fleet.wires.nodes["ta"].state.incarnation
     told = next(one for one in fleet.wires.traffic if one.sender == "ta" and str(one.performative) == "inform")

@@ -5,8 +5,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 import pytest
-from logged_fleet import Logged
-from pretended_fleet import Fleet
+from logged_fleet import LoggedFleet
 
 from companion import sentences
 from companion.design import DESIGN
@@ -15,7 +14,7 @@ from companion.tools.live import Live
 from companion.tools.report import report
 from companion.tools.system import JOB, SYSTEM
 from operate.cli.faults.moments import Event, InPlan, parse
-from operate.recording import history
+from operate.recording.run import opened
 from operate.run_folder import Happened, LiveLine
 from services.human_interface import offers
 from services.page.view import Heard, View, view
@@ -64,13 +63,15 @@ class Story(NamedTuple):
 
 def story(run: Path, *, missing: bool) -> Story:
     """Return the story of a pour with questions."""
-    fleet = Fleet()
-    logged = Logged(fleet, run)
+    fleet = LoggedFleet(run)
     if missing:
         fleet.world.poses.pop("jar_1")
-    pages: list[View] = []
+    pages, shown_last = list[View](), list[Any]()
 
     def show() -> bool:
+        if shown_last and shown_last[-1] == (fleet.tasks, fleet.wires.memory("hi").context):
+            return fleet.ended()
+        shown_last.append((fleet.tasks, fleet.wires.memory("hi").context))
         heard = Heard(hi=True, tasks=fleet.tasks, wishes=offers.wishes(fleet.wires.memory("hi").context))
         pages.extend(view(heard, language) for language in ("en", "pl"))
         return fleet.ended()
@@ -79,17 +80,16 @@ def story(run: Path, *, missing: bool) -> Story:
     fleet.finish()
     fleet.say("what do you see")
     fleet.say(POUR)
-    fleet.wires.run(lambda: show() and len(fleet.tasks) > 1 and not fleet.wires.memory("hi").open_tasks)
+    fleet.until(lambda: show() and len(fleet.tasks) > 1 and not fleet.wires.memory("hi").open_tasks)
     fleet.say("why did it fail")
-    fleet.wires.run(fleet.at_rest)
-    why = [(one.title, len(one.facts)) for one in logged.why(fleet.tasks[-1].task).passages]
-    past, live = history.of(run, SYSTEM), Live()
+    fleet.until(fleet.at_rest)
+    why = [(one.title, len(one.facts)) for one in fleet.reasons(fleet.tasks[-1].task).passages]
+    past, live = opened(run, SYSTEM).history, Live()
     made = msgspec.to_builtins(report.build(past))
     lines = [msgspec.structs.replace(line, text="") if isinstance(line, Happened) else line
              for one in past.said for line in live.lines(one)]  # fmt: skip
     said = [bytes(one.content) for one in fleet.wires.traffic if one.content]
     tasks = [msgspec.structs.replace(one, text="") for one in fleet.tasks]
-    logged.close()
     fleet.close()
     return Story(said, tasks, pages, made, why, lines)
 

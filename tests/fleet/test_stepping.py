@@ -2,10 +2,8 @@
 
 import pytest
 from pretended_fleet import NAMES, Fleet
-from pretended_operator import POUR, asked, begun, say, set_level, stepped, waiting
 
 from agent_runtime.core.control import SetParameter
-from agent_runtime.core.step import OUTSIDE
 from companion.autonomy import STEP, WAIT_S, Level, Verb
 from companion.languages.cmd import TaskState
 from companion.languages.facts import Kind, fact
@@ -14,180 +12,154 @@ from services.human_interface.local import Said
 
 
 def acts(fleet: Fleet) -> int:
-    """Return the number of motions the robot has begun."""
+    """Number of motions the robot has begun."""
     return len(fleet.world.begun)
-
-
-def within_design(fleet: Fleet) -> bool:
-    """Whether each step of all agents was one of the design's: what was proven holds for them."""
-    return not any(fleet.wires.nodes[name].state.counts.get(OUTSIDE) for name in NAMES)
 
 
 def test_the_levels_ask_for_no_act_for_those_that_handle_things_and_for_all() -> None:
     """Each act waits once, in the order of the plan, and the robot stands while one waits."""
     found = {}
     for level in Level:
-        one = Fleet(seed=1)
-        found[level] = stepped(begun(one, level))
-        assert one.finish() == ["done"]
-        assert one.world.poured == 1
-        assert within_design(one)
-        one.close()
+        with Fleet(seed=1) as fleet:
+            found[level] = fleet.begin(level).step_through()
+            assert fleet.finish() == ["done"]
+            assert fleet.world.poured == 1
     assert found[Level.AUTO] == []
     verbs = {leaf: leaf.split("/")[-1].split()[0] for leaf in found[Level.CONFIRM]}
     assert found[Level.HANDLING] == [leaf for leaf, verb in verbs.items() if verb in ("grasp", "release", "pour")]
     assert 0 < len(found[Level.HANDLING]) < len(verbs) == len(found[Level.CONFIRM])
 
 
-def test_nothing_moves_while_an_act_waits(fleet) -> None:
+def test_nothing_moves_while_an_act_waits(fleet: Fleet) -> None:
     """Nor does any time limit of the plan run out: just before the wait is over, the plan still goes on."""
-    begun(fleet, Level.CONFIRM)
+    fleet.begin(Level.CONFIRM)
     for _ in range(3):
-        fleet.wires.run(lambda: waiting(fleet))
-        before, leaf = acts(fleet), asked(fleet)
+        fleet.until(lambda: fleet.waiting)
+        before, leaf = acts(fleet), fleet.waits_for
         fleet.wires.run_for(WAIT_S - 5.0)
-        assert (acts(fleet), asked(fleet)) == (before, leaf)
-        say(fleet, Verb.GO)
-        fleet.wires.run(lambda before=before: acts(fleet) > before)
-        assert (fleet.tasks[0].at.id, asked(fleet)) == (leaf, "")
-    set_level(fleet, Level.AUTO)
+        assert (acts(fleet), fleet.waits_for) == (before, leaf)
+        fleet.order(Verb.GO)
+        fleet.until(lambda before=before: acts(fleet) > before)
+        assert (fleet.tasks[0].at.id, fleet.waits_for) == (leaf, "")
+    fleet.set_level(Level.AUTO)
     assert fleet.finish() == ["done"]
-    assert within_design(fleet)
 
 
-def test_who_does_not_come_ends_the_plan_and_moves_nothing(fleet) -> None:
+def test_who_does_not_come_ends_the_plan_and_moves_nothing(fleet: Fleet) -> None:
     """The task has failed, says so and what is held; the next one is served."""
-    begun(fleet, Level.HANDLING)
-    fleet.wires.run(lambda: waiting(fleet))
-    say(fleet, Verb.GO)  # the jar is grasped
-    fleet.wires.run(lambda: not asked(fleet))
-    fleet.wires.run(lambda: waiting(fleet))
+    fleet.begin(Level.HANDLING).let_go()  # the jar is grasped
+    fleet.until(lambda: fleet.waiting)
     before = acts(fleet)
     assert fleet.finish(limit_s=WAIT_S + 60.0) == ["failed"]
     assert acts(fleet) == before
-    assert fleet.tasks[0].why == (fact(Kind.NOBODY_CAME, WAIT_S / 60.0), fact(Kind.HOLDING, "jar_1"))
-    set_level(fleet, Level.AUTO)
+    assert fleet.why() == (fact(Kind.NOBODY_CAME, WAIT_S / 60.0), fact(Kind.HOLDING, "jar_1"))
+    fleet.set_level(Level.AUTO)
     fleet.say("look around")
     assert fleet.finish(2)[-1] == "done"
-    assert within_design(fleet)
 
 
 @pytest.mark.parametrize("victim", NAMES)
 def test_a_wait_outlives_the_death_of_anybody(victim: str) -> None:
-    """The leaf still waits, is seen to wait, and goes on at a word; no act is begun twice."""
-    fleet = begun(Fleet(seed=2), Level.HANDLING)
-    leaves = []
-    while not fleet.ended():
-        fleet.wires.run(lambda: fleet.ended() or waiting(fleet))
-        if fleet.ended():
-            break
-        leaves.append(asked(fleet))
-        before = acts(fleet)
-        fleet.wires.kill(victim)
-        fleet.wires.run_for(5.0)
-        assert waiting(fleet)
-        assert (asked(fleet), acts(fleet)) == (leaves[-1], before)
-        say(fleet, Verb.GO)
-        fleet.wires.run(lambda before=leaves[-1]: asked(fleet) != before)
-    assert fleet.finish() == ["done"]
-    assert len(leaves) == len(set(leaves))
-    assert within_design(fleet)
-    fleet.close()
+    """The leaf still waits, is seen to wait, and goes on when the operator says so."""
+    leaves: list[str] = []
+    with Fleet(seed=2) as fleet:
+        fleet.begin(Level.HANDLING)
+        fleet.until(lambda: fleet.waiting)
+        while fleet.waiting:
+            before = (fleet.waits_for, acts(fleet))
+            fleet.wires.kill(victim)
+            fleet.wires.run_for(5.0)
+            assert fleet.waiting
+            assert (fleet.waits_for, acts(fleet)) == before
+            leaves.append(fleet.let_go())
+            fleet.until(lambda: fleet.ended() or fleet.waiting)
+        assert fleet.finish() == ["done"]
+    assert len(leaves) == len(set(leaves)) > 2
 
 
-def test_a_wait_begins_while_hi_is_down(fleet) -> None:
+def test_a_wait_begins_while_hi_is_down(fleet: Fleet) -> None:
     """It is told all the same: nothing goes on before somebody has read it."""
-    begun(fleet, Level.HANDLING)
-    fleet.wires.run(lambda: fleet.wires.nodes["ta"].state.state == "running")
+    fleet.begin(Level.HANDLING)
+    fleet.until(lambda: fleet.state("ta") == "running")
     fleet.wires.kill("hi", restart_s=60.0)
-    fleet.wires.run(lambda: fleet.wires.nodes["ta"].state.state == "waiting")
+    fleet.until(lambda: fleet.state("ta") == "waiting")
     fleet.wires.run_for(90.0)
-    assert asked(fleet)
+    assert fleet.waits_for
 
 
 @pytest.mark.parametrize("step", range(6))
 def test_a_cancel_while_an_act_waits(step: int) -> None:
-    """The held thing is put down, which waits for nobody; the next command is served."""
-    fleet = begun(Fleet(seed=3), Level.HANDLING)
-    for _ in range(step):
-        fleet.wires.run(lambda: waiting(fleet) or fleet.ended())
-        leaf = asked(fleet)
-        say(fleet, Verb.GO)
-        fleet.wires.run(lambda leaf=leaf: asked(fleet) != leaf or fleet.ended())
-    fleet.wires.run(lambda: waiting(fleet) or fleet.ended())
-    if not fleet.ended():
-        fleet.cancel()
-        assert fleet.finish() == ["cancelled"]
-        assert not fleet.wires.memory("ex").remembered.held
-    set_level(fleet, Level.AUTO)
-    fleet.say(POUR)
-    assert fleet.finish(2)[-1] == "done"
-    assert within_design(fleet)
-    fleet.close()
+    """The held object is put down, which waits for nobody; the next command is served."""
+    with Fleet(seed=3) as fleet:
+        fleet.begin(Level.HANDLING)
+        for _ in range(step):
+            fleet.let_go()
+        fleet.until(lambda: fleet.waiting or fleet.ended())
+        if not fleet.ended():
+            fleet.cancel()
+            assert fleet.finish() == ["cancelled"]
+            assert not fleet.held
+        fleet.set_level(Level.AUTO)
+        fleet.say()
+        assert fleet.finish(2)[-1] == "done"
 
 
-def test_a_cancel_while_the_first_act_waits_puts_down_what_an_earlier_task_holds(fleet) -> None:
+def test_a_cancel_while_the_first_act_waits_puts_down_what_an_earlier_task_holds(fleet: Fleet) -> None:
     """Though no state of this plan has been active."""
-    assert begun(fleet, Level.AUTO).finish() == ["done"]
-    assert fleet.wires.memory("ex").remembered.held
-    set_level(fleet, Level.CONFIRM)
-    fleet.say(POUR)
-    fleet.wires.run(lambda: waiting(fleet))
+    assert fleet.begin(Level.AUTO).finish() == ["done"]
+    assert fleet.held
+    fleet.set_level(Level.CONFIRM)
+    fleet.say()
+    fleet.until(lambda: fleet.waiting)
     fleet.cancel()
     assert fleet.finish(2)[-1] == "cancelled"
-    assert not fleet.wires.memory("ex").remembered.held
+    assert not fleet.held
 
 
-def test_a_plan_that_waits_is_left_for_a_more_urgent_task(fleet) -> None:
+def test_a_plan_that_waits_is_left_for_a_more_urgent_task(fleet: Fleet) -> None:
     """And resumed afterwards, with a plan whose acts wait again."""
-    begun(fleet, Level.HANDLING)
-    fleet.wires.run(lambda: waiting(fleet))
+    fleet.begin(Level.HANDLING)
+    fleet.until(lambda: fleet.waiting)
     fleet.wires.post("hi", Said("urgent", "look around", understand("look around"), urgency=1))
-    fleet.wires.run(lambda: fleet.tasks[-1].state == TaskState.DONE)
+    fleet.until(lambda: fleet.tasks[-1].state == TaskState.DONE)
     assert [task.state for task in fleet.tasks if task.said != "look around"] != [TaskState.DONE]
-    assert stepped(fleet, ended=2)
+    assert fleet.step_through()
     assert fleet.finish(2) == ["done", "done"]
-    assert within_design(fleet)
 
 
-def test_a_word_about_another_leaf_changes_nothing(fleet) -> None:
-    """It came late, or twice: the leaf after it has not been looked at by anybody."""
-    begun(fleet, Level.CONFIRM)
-    fleet.wires.run(lambda: waiting(fleet))
-    first = asked(fleet)
-    say(fleet, Verb.GO)
-    fleet.wires.run(lambda: waiting(fleet) and asked(fleet) != first)
-    second, before = asked(fleet), acts(fleet)
+def test_an_order_about_another_act_changes_nothing(fleet: Fleet) -> None:
+    """It came late, or twice: the act after it has not been looked at by anybody."""
+    first = fleet.begin(Level.CONFIRM).let_go()
+    fleet.until(lambda: fleet.waiting and fleet.waits_for != first)
+    second, before = fleet.waits_for, acts(fleet)
     for verb in Verb:
-        say(fleet, verb, first)
+        fleet.order(verb, first)
     fleet.wires.order("ta", SetParameter(STEP, "go"))
     fleet.wires.run_for(30.0)
-    assert (asked(fleet), acts(fleet)) == (second, before)
+    assert (fleet.waits_for, acts(fleet)) == (second, before)
 
 
-def test_a_new_plan_instead_of_the_act_that_waits(fleet) -> None:
+def test_a_new_plan_instead_of_the_act_that_waits(fleet: Fleet) -> None:
     """The act is not begun; the task goes on with another plan, whose first act is asked about again."""
-    begun(fleet, Level.CONFIRM)
-    fleet.wires.run(lambda: waiting(fleet))
+    fleet.begin(Level.CONFIRM)
+    fleet.until(lambda: fleet.waiting)
     before = acts(fleet)
-    say(fleet, Verb.REPLAN)
-    fleet.wires.run(lambda: not asked(fleet))
-    fleet.wires.run(lambda: waiting(fleet))
+    fleet.order(Verb.REPLAN)
+    fleet.until(lambda: not fleet.waits_for)
+    fleet.until(lambda: fleet.waiting)
     assert acts(fleet) == before
     assert fleet.reports() == ["Replan"]
     assert fleet.tasks[0].state == TaskState.RUNNING
-    set_level(fleet, Level.AUTO)
+    fleet.set_level(Level.AUTO)
     assert fleet.finish() == ["done"]
-    assert within_design(fleet)
 
 
-def test_a_new_plan_instead_of_the_act_under_way(fleet) -> None:
+def test_a_new_plan_instead_of_the_act_under_way(fleet: Fleet) -> None:
     """The act is ended safely before the plan is left, and nothing of it is begun again."""
-    begun(fleet, Level.AUTO)
-    fleet.wires.run(lambda: fleet.wires.nodes["ex"].state.state == "acting" and fleet.tasks[0].at is not None)
-    say(fleet, Verb.REPLAN, fleet.tasks[0].at.id)
-    fleet.wires.run(lambda: bool(fleet.reports()))
+    fleet.begin(Level.AUTO)
+    fleet.until(lambda: fleet.state("ex") == "acting" and fleet.tasks[0].at is not None)
+    fleet.order(Verb.REPLAN, fleet.tasks[0].at.id)
+    fleet.until(fleet.reports)
     assert fleet.reports() == ["Replan"]
-    assert fleet.wires.nodes["ex"].state.state == "idle"
+    assert fleet.state("ex") == "idle"
     assert fleet.finish() == ["done"]
-    assert within_design(fleet)

@@ -3,62 +3,57 @@
 from pretended_fleet import Fleet
 from scripted_search import Script
 
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 from companion.languages import wm
-from companion.languages.facts import Facts, Kind, fact
-from services.planner.local import Answer, Begin, Died
+from companion.languages.facts import Kind, fact
+from services.planner.device_messages import Answer, Begin, Died
 
 
-def why(fleet: Fleet) -> Facts:
-    """Return what hi was told last of the first task."""
-    return fleet.tasks[0].why
-
-
-def test_an_empty_world(fleet) -> None:
+def test_an_empty_world(fleet: Fleet) -> None:
     """The plan fails with its reason if nothing is seen: km knows only what observations told it."""
     fleet.world.poses.clear()
-    fleet.say("pour the jar into the bowl")
+    fleet.say()
     assert fleet.finish() == ["failed"]
-    assert why(fleet)[0] == fact(Kind.NOT_SEEN, "jar")
+    assert fleet.why()[0] == fact(Kind.NOT_SEEN, "jar")
     fleet.say("look around")
     assert fleet.finish(2)[-1] == "done"
 
 
-def test_no_question_is_answered_before_the_first_look(fleet) -> None:
+def test_no_question_is_answered_before_the_first_look(fleet: Fleet) -> None:
     """A command that comes before anything was seen waits for the look around instead of failing."""
     fleet.wires.crash("ex", Point.BEFORE, in_steps=1, restart_s=8.0)
-    fleet.say("pour the jar into the bowl")
+    fleet.say()
     assert fleet.finish() == ["done"]
 
 
-def test_blind_for_good(fleet) -> None:
+def test_blind_for_good(fleet: Fleet) -> None:
     """Without a robot km answers that nothing was observed, once its patience is over."""
     fleet.wires.crash("ex", Point.BEFORE, in_steps=1, restart_s=120.0)
-    fleet.say("pour the jar into the bowl")
-    fleet.wires.run(fleet.ended, limit_s=100.0)
-    assert why(fleet)[0].kind is Kind.NOT_LOOKED_AROUND
+    fleet.say()
+    fleet.until(fleet.ended, 100.0)
+    assert fleet.why()[0].kind is Kind.NOT_LOOKED_AROUND
 
 
-def test_km_away_while_planning(fleet) -> None:
+def test_km_away_while_planning(fleet: Fleet) -> None:
     """pl says that km does not answer; the next command is served once it is back."""
-    fleet.wires.run(fleet.at_rest)
+    fleet.until(fleet.at_rest)
     fleet.wires.crash("km", Point.BEFORE, in_steps=1, restart_s=50.0)
-    fleet.say("pour the jar into the bowl")
-    fleet.wires.run(fleet.ended, limit_s=100.0)
-    assert why(fleet) == (fact(Kind.NOT_ANSWERED, "km"),)
+    fleet.say()
+    fleet.until(fleet.ended, 100.0)
+    assert fleet.why() == (fact(Kind.NOT_ANSWERED, "km"),)
     fleet.wires.run_for(60.0)
-    fleet.say("pour the jar into the bowl")
+    fleet.say()
     assert fleet.finish(2)[-1] == "done"
 
 
-def test_km_away_at_the_barrier(fleet) -> None:
+def test_km_away_at_the_barrier(fleet: Fleet) -> None:
     """ta reports after a while, and says that observations are pending; km gets them when it is back."""
-    fleet.say("pour the jar into the bowl")
-    fleet.wires.run(lambda: "Look" in str(type(getattr(fleet.wires.memory("ex").act, "command", ""))) and seen(fleet))
+    fleet.say()
+    fleet.until(lambda: "Look" in str(type(getattr(fleet.wires.memory("ex").act, "command", ""))) and seen(fleet))
     fleet.wires.crash("km", Point.BEFORE, in_steps=1, restart_s=300.0)
-    fleet.wires.run(fleet.ended, limit_s=200.0)
-    assert fact(Kind.NOT_OBSERVED_YET) in why(fleet)
-    fleet.wires.run(fleet.at_rest, limit_s=400.0)
+    fleet.until(fleet.ended, 200.0)
+    assert fact(Kind.NOT_OBSERVED_YET) in fleet.why()
+    fleet.until(fleet.at_rest, 400.0)
 
 
 def seen(fleet: Fleet) -> bool:
@@ -66,22 +61,22 @@ def seen(fleet: Fleet) -> bool:
     return fleet.wires.memory("ta").plan is not None
 
 
-def test_ex_away_in_an_act(fleet) -> None:
+def test_ex_away_in_an_act(fleet: Fleet) -> None:
     """The command ends when its time is over; when ex is back the fleet comes to rest and serves on."""
-    fleet.say("pour the jar into the bowl")
-    fleet.wires.run(lambda: seen(fleet) and fleet.wires.nodes["ex"].state.state == "acting")
+    fleet.say()
+    fleet.until(lambda: seen(fleet) and fleet.state("ex") == "acting")
     fleet.wires.crash("ex", Point.BEFORE, in_steps=1, restart_s=600.0)
-    fleet.wires.run(fleet.ended, limit_s=500.0)
-    assert why(fleet) == (fact(Kind.NOT_ANSWERED, "ta"),)
-    fleet.wires.run(fleet.at_rest, limit_s=900.0)
-    fleet.say("pour the jar into the bowl")
+    fleet.until(fleet.ended, 500.0)
+    assert fleet.why() == (fact(Kind.NOT_ANSWERED, "ta"),)
+    fleet.until(fleet.at_rest, 900.0)
+    fleet.say()
     assert fleet.finish(2)[-1] == "done"
 
 
-def test_hypotheses_lost(fleet) -> None:
+def test_hypotheses_lost(fleet: Fleet) -> None:
     """km forgets them with its life: the search begins again and asks everything again."""
-    fleet.say("pour the jar into the bowl")
-    fleet.wires.run(lambda: any(isinstance(query, wm.HypotheticalState) for query in fleet.asked))
+    fleet.say()
+    fleet.until(lambda: any(isinstance(query, wm.HypotheticalState) for query in fleet.asked))
     fleet.wires.crash("km", Point.AFTER, in_steps=1)
     assert fleet.finish() == ["done"]
     first = [query for query in fleet.asked if isinstance(query, wm.HypotheticalState) and query.id.endswith("plan1/0")]
@@ -99,8 +94,7 @@ class Dying(Script):
 
 def test_the_search_dies() -> None:
     """The command fails in words, and pl waits for the next one."""
-    fleet = Fleet(search=lambda post: Dying(post, []))
-    fleet.say("pour the jar into the bowl")
-    assert fleet.finish() == ["failed"]
-    assert why(fleet) == (fact(Kind.ENDED, "search"),)
-    fleet.close()
+    with Fleet(search=lambda post: Dying(post, [])) as fleet:
+        fleet.say()
+        assert fleet.finish() == ["failed"]
+        assert fleet.why() == (fact(Kind.ENDED, "search"),)

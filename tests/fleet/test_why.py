@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from logged_fleet import Logged
+from logged_fleet import LoggedFleet
 from pretended_fleet import Fleet
 
 from operate.tracing.reasons import Why
@@ -16,11 +16,10 @@ POUR = "pour the content of the jar into the bowl"
 
 
 @pytest.fixture
-def logged(fleet: Fleet, tmp_path: Path) -> Iterator[Logged]:
+def fleet(tmp_path: Path) -> Iterator[LoggedFleet]:
     """A fleet whose steps are logged."""
-    made = Logged(fleet, tmp_path)
-    yield made
-    made.close()
+    with LoggedFleet(tmp_path) as made:
+        yield made
 
 
 def told(why: Why, title: str) -> list[str]:
@@ -30,18 +29,15 @@ def told(why: Why, title: str) -> list[str]:
 
 def running(fleet: Fleet, act: str) -> None:
     """Go on until the oldest task that has not ended is in this act."""
-    fleet.wires.run(
-        lambda: any(task.at is not None and act in task.at.id for task in fleet.tasks if task.state == "running"),
-        limit_s=300.0,
-    )
+    fleet.until(lambda: any(task.at and act in task.at.id for task in fleet.tasks if task.state == "running"))
 
 
-def test_a_thing_that_is_not_there(logged: Logged) -> None:
+def test_a_thing_that_is_not_there(fleet: LoggedFleet) -> None:
     """The end has the planner's reason, and is followed back over pl to what the person asked."""
-    logged.fleet.world.poses.pop("jar_1")
-    logged.fleet.say(POUR)
-    assert logged.fleet.finish() == ["failed"]
-    why = logged.why()
+    fleet.world.poses.pop("jar_1")
+    fleet.say(POUR)
+    assert fleet.finish() == ["failed"]
+    why = fleet.reasons()
     ended, asked = told(why, "how it ended"), told(why, "why these plans")
     assert "co said failure to hi: failed: jar has not been seen" in ended[0]
     assert ended[1].startswith("because pl said failure to co: no plan: jar has not been seen")
@@ -50,13 +46,13 @@ def test_a_thing_that_is_not_there(logged: Logged) -> None:
     assert asked[-1].startswith("pl found no plan 1: jar has not been seen")
 
 
-def test_a_cancel(logged: Logged) -> None:
+def test_a_cancel(fleet: LoggedFleet) -> None:
     """The end is followed back through ta and ex to the person's cancel."""
-    logged.fleet.say(POUR)
-    running(logged.fleet, "grasp")
-    logged.fleet.cancel()
-    assert logged.fleet.finish() == ["cancelled"]
-    ended = told(logged.why(), "how it ended")
+    fleet.say(POUR)
+    running(fleet, "grasp")
+    fleet.cancel()
+    assert fleet.finish() == ["cancelled"]
+    ended = told(fleet.reasons(), "how it ended")
     chain = ["ta said inform to co: Preempted", "co said cancel to ta", "hi said cancel to co"]
     places = [next(n for n, text in enumerate(ended) if link in text) for link in chain]
     assert places == sorted(places)
@@ -64,41 +60,41 @@ def test_a_cancel(logged: Logged) -> None:
 
 
 @pytest.mark.parametrize("agent", ["pl", "ta"])
-def test_an_agent_that_was_killed(logged: Logged, agent: str) -> None:
+def test_an_agent_that_was_killed(fleet: LoggedFleet, agent: str) -> None:
     """It is told that it was away, and, where its act was lost, why the plan was made again."""
-    logged.fleet.say(POUR)
-    running(logged.fleet, "grasp" if agent == "ta" else "")
-    logged.fleet.wires.kill(agent, restart_s=2.0)
-    assert logged.fleet.finish() == ["done"]
-    assert any(text.startswith(f"{agent} was gone") for text in told(logged.why(), "who was away"))
+    fleet.say(POUR)
+    running(fleet, "grasp" if agent == "ta" else "")
+    fleet.wires.kill(agent, restart_s=2.0)
+    assert fleet.finish() == ["done"]
+    assert any(text.startswith(f"{agent} was gone") for text in told(fleet.reasons(), "who was away"))
 
 
-def test_a_task_that_was_left(logged: Logged) -> None:
+def test_a_task_that_was_left(fleet: LoggedFleet) -> None:
     """The scheduler's decision with its numbers, when it was left, put aside and taken up; the urgent one has none."""
-    logged.fleet.say(POUR)
-    running(logged.fleet, "grasp")
+    fleet.say(POUR)
+    running(fleet, "grasp")
     urgent_wish = "look around"
-    logged.fleet.wires.post("hi", Said("urgent", urgent_wish, understand(urgent_wish), urgency=1))
-    assert logged.fleet.finish(2) == ["done", "done"]
-    first, urgent = (task.task for task in logged.fleet.tasks)
-    waited = told(logged.why(first), "waiting and switching")
+    fleet.wires.post("hi", Said("urgent", urgent_wish, understand(urgent_wish), urgency=1))
+    assert fleet.finish(2) == ["done", "done"]
+    first, urgent = (task.task for task in fleet.tasks)
+    waited = told(fleet.reasons(first), "waiting and switching")
     decision = "left for another task, look around: it is more urgent"
     assert [text.partition(":")[0] for text in waited] == [
         "co took it", "co asked ta to leave the plan", "co put it aside", "co took it up again",
     ]  # fmt: skip
     assert waited[1] == f"co asked ta to leave the plan: {decision}"
     assert waited[2] == f"co put it aside: {decision}"
-    assert told(logged.why(urgent), "waiting and switching") == [
+    assert told(fleet.reasons(urgent), "waiting and switching") == [
         "co took it: tasks that come before it: 1: pour jar, bowl: under way"
     ]
 
 
-def test_what_each_agent_does_for_a_task_stands_below_it(logged: Logged) -> None:
+def test_what_each_agent_does_for_a_task_stands_below_it(fleet: LoggedFleet) -> None:
     """Of two tasks at once, each has its plans, its queries and its acts; every link is from a step log."""
-    logged.fleet.say(POUR)
-    logged.fleet.say("look around")
-    assert logged.fleet.finish(2) == ["done", "done"]
-    trace = logged.traced().trace
+    fleet.say(POUR)
+    fleet.say("look around")
+    assert fleet.finish(2) == ["done", "done"]
+    trace = fleet.traced().trace
     for task in (one for one in trace.roots if one.initiator == "hi"):
         below = [span for _, span in trace.below(task)][1:]
         assert {(span.initiator, span.participant) for span in below} >= {("co", "pl"), ("co", "ta"), ("ta", "ex")}

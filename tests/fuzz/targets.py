@@ -19,10 +19,10 @@ from agent_runtime.core.errors import RuntimeFault, StepLogError
 from agent_runtime.core.events import Arrived, Next, Started
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
-from agent_runtime.io import incoming, steplog
-from agent_runtime.io.incoming import Bytes as FromWire
+from agent_runtime.io import steplog, zenoh_wire
 from agent_runtime.io.journal import HEAD, MAGIC, MARK, Journal, frame, last_record
 from agent_runtime.io.tap import Sample
+from agent_runtime.io.zenoh_wire import Bytes as FromWire
 from companion.all_languages import LANGUAGES
 from companion.binding import wiring
 from companion.stop_words import stop_words
@@ -34,8 +34,7 @@ from operate.cli.errors import UsageError
 from operate.cli.faults import run as scenario
 from operate.recording import contents, history, mcap_file
 from operate.recording.ends import Ends
-from operate.recording.records import Garbage, Spoken, Token, understood
-from operate.recording.samples import sampled
+from operate.recording.records import Garbage, Spoken, Token, sampled, understood
 from operate.recording.stored import NoRecordingError
 from services.coordinator import behaviours as coordinator
 from services.human_interface import grammar, wishes
@@ -169,7 +168,7 @@ def sample(data: bytes) -> None:
     text = key.decode(errors="replace")
     record = understood(Sample(text, payload, 1.76e9, token="/alive/" in text), SYSTEM)
     held(isinstance(record, Garbage) or len(text.split("/")) > 3, "what has no key of the design is garbage")
-    incoming.arrived(FromWire(text, tuple(text.split("/")[3:]), payload))
+    zenoh_wire.arrived(FromWire(text, tuple(text.split("/")[3:]), payload))
 
 
 # --- files of a run ---------------------------------------------------------------------------------------------------
@@ -314,7 +313,7 @@ def serving() -> tuple[Core, CoreState]:
 def order(data: bytes) -> None:
     """An agent takes any bytes for an order, and says what became of it."""
     core, state = serving()
-    after, _ = core.step(state, incoming.ordered(data), 2.0)
+    after, _ = core.step(state, zenoh_wire.ordered(data), 2.0)
     restarted = core.boot(core.record(after))
     held(restarted.now_set == after.now_set or "nan" in repr(after.now_set), "what was set is kept over a restart")
 

@@ -7,7 +7,7 @@ import pytest
 
 from companion.run_files import HI_FILE, HiAddress, Problem, TaskLine
 from services.human_interface import server
-from services.human_interface.local import Answer, CancelWanted, Said
+from services.human_interface.local import Answer, CancelWanted, Said, StopRobot
 
 LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)
 
@@ -33,6 +33,8 @@ class Client:
                 self.desk.tell(Answer(ticket, problem="there is no task 'hi-9-9'", status=404))
             case Said(text="silence"):
                 pass
+            case Said(ticket=ticket, text="that one"):  # and that answer means that the robot is to stop
+                self.desk.tell(StopRobot(ticket, "that one"))
             case Said(ticket=ticket) | CancelWanted(ticket=ticket):
                 self.desk.tell(Answer(ticket, LINE))
 

@@ -8,7 +8,7 @@ import pytest
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Local, Received
 from agent_runtime.io.devices import Called
-from agent_runtime.testing.wires import Point, Wires
+from agent_runtime.testing.memory_bus import MemoryBus, Point
 from companion.binding import wiring
 from companion.design import DESIGN
 from companion.languages import cmd
@@ -43,7 +43,7 @@ class Scene:
     """hi, a co, and what people see."""
 
     def __init__(self, *, co=True):
-        self.wires = Wires()
+        self.wires = MemoryBus()
         self.shown, self.heard = [], []
         self.hi = self.wires.add(
             agent(),

@@ -1,7 +1,9 @@
 """Observations put into a store, as km does when it saves its memory."""
 
 from companion.languages import wm
+from services.knowledge.answers import ask
 from services.knowledge.observe import Version, observed
+from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
 
 
@@ -12,3 +14,8 @@ def store_observation(store: Store, observation: wm.AnySight, version: Version, 
         return False
     store.write(scene)
     return True
+
+
+def answer(store: Store, query: wm.AnyQuery, overlays: Overlays | None = None) -> wm.AnyAnswer:
+    """The answer from the store and the hypothetical states; neither changes."""
+    return ask(store.scene, overlays or Overlays(), query)[1]

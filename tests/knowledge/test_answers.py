@@ -12,12 +12,12 @@ from companion.languages.facts import Kind, fact
 from companion.languages.values import Box, Cylinder, Pose, Side
 from companion.models import GRASPS, MODELS
 from fipa_codec.performatives import Performative
-from services.knowledge.answers import ANSWERS, MAKERS, answer, ask
+from services.knowledge.answers import ANSWERS, MAKERS, ask
 from services.knowledge.overlays import Overlays
 from services.knowledge.scene import PARTS
 from services.knowledge.store import Store
 
-from .storing import store_observation
+from .storing import answer, store_observation
 
 VOLUME = Cylinder(0.1, 0.3, Pose((0.85, 0.37, 1.25)))
 

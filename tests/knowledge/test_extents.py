@@ -11,7 +11,7 @@ from companion.languages.values import Box, Pose, Shape
 from companion.models import MODELS, Model
 from services.knowledge import geometry, relations
 from services.knowledge.extents import CELL_M, FAR_M, TOUCH_M, WIDE_M, cells, cells_of, extent
-from services.knowledge.scene import Scene, Thing, Things
+from services.knowledge.scene import Scene, SceneObject, SceneObjects
 
 from .test_geometry import poses, shapes
 
@@ -31,15 +31,15 @@ ANYWHERE = (
 """Poses that are none, or far beyond any room."""
 
 
-def with_point_at(model: Model, height: float, point: tuple[float, float, float], turn: Pose) -> Thing:
+def with_point_at(model: Model, height: float, point: tuple[float, float, float], turn: Pose) -> SceneObject:
     """A thing with the point of its axis that is so high above its base there."""
     x, y, z = geometry.rotate(turn.quat_wxyz, (0.0, 0.0, model.base.z + height))
-    return Thing("thing", model.name, Pose((point[0] - x, point[1] - y, point[2] - z), turn.quat_wxyz))
+    return SceneObject("thing", model.name, Pose((point[0] - x, point[1] - y, point[2] - z), turn.quat_wxyz))
 
 
-def near(thing: Thing, other: Thing) -> bool:
+def near(thing: SceneObject, other: SceneObject) -> bool:
     """Whether the other one is among those that a thing is compared with, and the other way round."""
-    one, two = (Things({it.id: it}) for it in (thing, other))
+    one, two = (SceneObjects({it.id: it}) for it in (thing, other))
     return other.id in two.near(cells_of(thing.model, thing.pose)) and thing.id in one.near(
         cells_of(other.model, other.pose)
     )
@@ -53,7 +53,7 @@ def test_what_stands_on_a_surface_shares_a_cell_with_it(
     flat = data.draw(st.sampled_from(under.surfaces))
     at = (flat.x + data.draw(share) * flat.along_x, flat.y + data.draw(share) * flat.along_y)
     point = (*at, flat.z + data.draw(share) * 2 * TOUCH_M)
-    thing, other = with_point_at(model, 0.0, geometry.place(pose, point), turn), Thing("other", under.name, pose)
+    thing, other = with_point_at(model, 0.0, geometry.place(pose, point), turn), SceneObject("other", under.name, pose)
     assert near(thing, other)
     assert relations._support(thing, model, [other]) in ("other", "")
 
@@ -66,14 +66,14 @@ def test_what_is_inside_shares_a_cell_with_it(
     low, high = relations._interior(around.name)
     x, y, z = ((a + b) / 2 + s * (b - a) for a, b, s in zip(low, high, part, strict=True))
     thing = with_point_at(model, relations.INSIDE_M, geometry.place(pose, (x, y, z)), turn)
-    assert near(thing, Thing("other", around.name, pose))
+    assert near(thing, SceneObject("other", around.name, pose))
 
 
 @given(models, poses(), shapes, poses())
 def test_what_a_volume_meets_shares_a_cell_with_it(model: Model, pose: Pose, volume: Shape, at: Pose) -> None:
     """Each shape of a thing that overlaps it."""
     if any(geometry.overlap(shape, pose, volume, at) for shape in model.shapes):
-        things = Things({"thing": Thing("thing", model.name, pose)})
+        things = SceneObjects({"thing": SceneObject("thing", model.name, pose)})
         assert "thing" in things.near(cells(geometry.bounds(volume, at)))
 
 
@@ -94,7 +94,7 @@ def test_the_extent_of_a_thing_holds_all_that_relations_look_at(model: Model, po
 def test_what_is_nowhere_is_compared_with_everything(pose: Pose) -> None:
     """A pose that is not rigid, not finite or too far away breaks nothing; an unknown model touches nothing."""
     assert cells_of("jar", pose) is None
-    assert near(Thing("thing", "jar", pose), Thing("other", "jar", ORIGIN))
+    assert near(SceneObject("thing", "jar", pose), SceneObject("other", "jar", ORIGIN))
     assert cells_of("teapot", pose) == frozenset()
 
 
@@ -107,7 +107,7 @@ def test_the_cells_of_a_volume_are_few_or_all(size: tuple[float, float]) -> None
 
 def test_things_far_apart_are_not_compared() -> None:
     """A jar 2 m from a table, and a scene of them."""
-    jars = {f"jar_{n}": Thing(f"jar_{n}", "jar", Pose((2.0 * n, 0.0, 0.0))) for n in range(100)}
+    jars = {f"jar_{n}": SceneObject(f"jar_{n}", "jar", Pose((2.0 * n, 0.0, 0.0))) for n in range(100)}
     things = Scene(things=jars).marked
     assert things.near(cells_of("jar", Pose((4.0, 0.0, 1.0)))) == {"jar_2"}
     assert things.near(cells(geometry.bounds(Box((4.0, 0.1, 0.1)), ORIGIN))) == {"jar_0", "jar_1"}

@@ -14,7 +14,7 @@ from companion.languages.values import Pose, Side
 from companion.models import MODELS
 from services.knowledge.observe import WORLD, forgotten, observed
 from services.knowledge.overlays import changed
-from services.knowledge.scene import Scene, Things
+from services.knowledge.scene import Scene, SceneObjects
 from services.knowledge.store import Store
 from services.knowledge.subjects import Subject, differing, subjects
 
@@ -77,13 +77,13 @@ def scenes(story: list[wm.AnySight | str]) -> list[Scene]:
 def compared_with_all() -> Iterator[None]:
     """Make km compare each thing with all others, as if all stood in one cell."""
     everything = lambda things, whatever: things.keys()  # noqa: E731
-    with patch.object(Things, "near", everything), patch.object(Things, "upon", everything):
+    with patch.object(SceneObjects, "near", everything), patch.object(SceneObjects, "upon", everything):
         yield
 
 
 def marks_are_as_made_anew(scene: Scene) -> bool:
     """Whether the marks are those of the same things in a plain dict."""
-    return scene.marked._marked == Things(dict(scene.things))._marked
+    return scene.marked._marked == SceneObjects(dict(scene.things))._marked
 
 
 @given(stories)

@@ -19,8 +19,8 @@ from companion.languages.values import BodyPosture, Pose
 from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours
 from services.knowledge.behaviours import AGAIN_S, ALONE_S, HELD_S, Mirror
+from services.knowledge.outgoing_messages import NOT_YET
 from services.knowledge.scene import Scene
-from services.knowledge.words import NOT_YET
 
 BODY = wm.SeenBody(BodyPosture(0.0, (0.0,) * 7, (0.0,) * 7, (0.0, 0.0), (0.0,) * 4, (0.0,) * 4))
 DARK = (fact(Kind.NOTHING_IS_SEEN),)

@@ -7,10 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rdflib import RDF, URIRef
 
+from companion.asking import PREFIXES
 from companion.languages import wm
 from companion.languages.values import BodyPosture, Pose, Side, Uncertainty
 from services.knowledge.store import Store
-from services.knowledge.subjects import ROCO, THING, below, iri
+from services.knowledge.subjects import ROCO, below, node
 
 from .conftest import KITCHEN
 from .storing import store_observation
@@ -75,9 +76,9 @@ def test_an_older_version_is_not_stored(kitchen: Store) -> None:
 
 def test_facts_are_in_the_terms_of_the_ontology(kitchen: Store) -> None:
     """Class, model, relations, time and version of an object are triples."""
-    graph, jar = kitchen.graph(), URIRef(iri(THING, "jar_1"))
+    graph, jar = kitchen.graph(), URIRef(node("thing", "jar_1").value)
     assert (jar, RDF.type, ROCO.Jar) in graph
-    assert (jar, ROCO.isIn, URIRef(iri(THING, "cabinet_2"))) in graph
+    assert (jar, ROCO.isIn, URIRef(node("thing", "cabinet_2").value)) in graph
     assert float(graph.value(jar, ROCO.observedAt)) == 1.2
     assert str(graph.value(jar, ROCO.version)) == "1.3"
 
@@ -91,14 +92,14 @@ def test_people_may_ask_in_sparql(kitchen: Store) -> None:
         SELECT ?thing WHERE { ?thing :isIn ?where . ?where a/rdfs:subClassOf* :Container }
         """
     )
-    assert {str(row[0]).removeprefix(THING) for row in rows} == {"jar_1", "bowl_1"}
+    assert {str(row[0]).removeprefix(PREFIXES["thing"]) for row in rows} == {"jar_1", "bowl_1"}
 
 
 def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen: Store) -> None:
     """A jar taken out of the cabinet is no longer in it; what the ontology says of the hand stays."""
     store_observation(kitchen, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.002))), (1, 20))
     store_observation(kitchen, wm.SeenObject("jar_1", "jar", Pose((0.4, 0.4, 1.4)), 9.0), (1, 21))
-    graph, jar = kitchen.graph(), URIRef(iri(THING, "jar_1"))
+    graph, jar = kitchen.graph(), URIRef(node("thing", "jar_1").value)
     assert not list(graph.objects(jar, ROCO.isIn))
     assert list(graph.objects(jar, ROCO.isGraspedBy)) == [ROCO.left_hand]
     assert len(list(graph.objects(jar, ROCO.record))) == 1
@@ -112,8 +113,8 @@ def test_every_predicate_that_is_written_is_in_the_ontology(kitchen: Store) -> N
     store_observation(kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31))
     store_observation(kitchen, wm.SeenObject("bowl_1", "bowl_high", Pose((0.0, 0.0, 0.1)), 1.0, 0.06, SURE), (1, 32))
     graph = kitchen.graph()
-    assert graph.value(URIRef(iri(THING, "bowl_1")), ROCO.contentSeen).toPython() == 0.06
-    assert graph.value(URIRef(iri(THING, "bowl_1")), ROCO.placeDeviation).toPython() == pytest.approx(0.003)
+    assert graph.value(URIRef(node("thing", "bowl_1").value), ROCO.contentSeen).toPython() == 0.06
+    assert graph.value(URIRef(node("thing", "bowl_1").value), ROCO.placeDeviation).toPython() == pytest.approx(0.003)
     used = {p for p in graph.predicates() if p in ROCO}
     assert all((p, RDF.type, None) in graph for p in used)
 

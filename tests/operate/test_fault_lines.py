@@ -7,8 +7,7 @@ import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
-from operate.fault_lines import done, encoded, latest, read
-from operate.recording.fault_file import FaultFile
+from operate.fault_lines import FaultFile, done, encoded, latest, read
 from operate.run_folder import FAULTS_FILE, Fault
 
 times = st.floats(1.0, 2e9)

@@ -21,6 +21,7 @@ from agent_runtime.io.run_files import STOP_FILE, LinkedError
 from operate.cli.__main__ import app
 from operate.cli.fleet.local import Local
 from operate.recording.recorder import Recorder
+from operate.recording.run import Run
 from operate.reports import make
 from operate.run_folder import FLEET_FILE, REPORT_FILE, RRD_FILE, Fleet
 from operate.system import UntrustedError, of_run
@@ -285,6 +286,6 @@ def test_no_report_is_written_through_a_link(place: Path) -> None:
         (run / f".{name}.new").symlink_to(secret)
         (run / f".{name}").symlink_to(secret)
     told: list[object] = []
-    assert make.everything(run, SYSTEM, lambda *words, **more: told.append((words, more))), told
+    assert make.everything(Run(run, SYSTEM), lambda *words, **more: told.append((words, more))), told
     assert secret.read_bytes() == b"kept"
     assert [name for name in names if (run / name).is_symlink() or not (run / name).stat().st_size] == []

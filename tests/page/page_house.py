@@ -15,7 +15,7 @@ from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Local, Received
 from agent_runtime.io.devices import Called
 from agent_runtime.io.run_files import STOP_FILE
-from agent_runtime.testing.wires import Wires
+from agent_runtime.testing.memory_bus import MemoryBus
 from companion.binding import wiring
 from companion.languages.cmd import TaskReport, TaskState
 from companion.languages.facts import Kind as Why
@@ -50,7 +50,7 @@ class House:
         (run / SLOTS_FILE).touch()
         (run / STOP_FILE).write_bytes(b"\0")
         self._lock, self._inside = threading.RLock(), False
-        self._wires = Wires()
+        self._wires = MemoryBus()
         self.open()
         self._wires.add(
             agent(), wiring("hi", "test"), lambda post: Called(post, lambda word: self.desk.tell(word) or ())

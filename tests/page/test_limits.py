@@ -8,12 +8,11 @@ import threading
 import time
 
 import pytest
-import uvicorn
 from page_house import WITHIN_S, wait_for
 
+from companion.loopback_server import HEAD_BYTES, LOOK_S, MOST, READS_S, Server
 from services.page.app import MOST as MOST_STREAMS
 from services.page.app import Streams, sse
-from services.page.limits import HEAD_BYTES, LOOK_S, MOST, READS_S, settings
 
 pytestmark = pytest.mark.process
 CROWD = 300
@@ -197,8 +196,7 @@ def test_who_does_not_read_is_ended():
             if listening.done() and not listening.cancelled() and listening.result()["type"] == "http.disconnect":
                 disconnected.append(scope["path"])
 
-    config = uvicorn.Config(endless, lifespan="off", log_config=None, timeout_graceful_shutdown=1, **settings())
-    server = uvicorn.Server(config)
+    server = Server(endless)
     serving = threading.Thread(target=asyncio.run, args=(server.serve([listener]),))
     serving.start()
     try:

@@ -8,16 +8,16 @@ import pytest
 from scripted_partner import Open, Say, partner
 from scripted_search import Script, look, plan_of
 
-from agent_runtime.testing.wires import Wires
+from agent_runtime.testing.memory_bus import MemoryBus
 from companion.all_languages import LANGUAGES
 from companion.binding import wiring
 from companion.languages import hfsm, wm
 from companion.languages.facts import Kind, fact
 from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours as knowledge
-from services.knowledge import store_device
+from services.knowledge.store import device_at
 from services.planner import behaviours
-from services.planner.local import Answer, Ask, Begin, Found, Local, Stop
+from services.planner.device_messages import Answer, Ask, Begin, Found, Local, Stop
 from services.planner.search_device import SearchDevice
 
 
@@ -37,12 +37,12 @@ class Scene:
     """pl with the true km, a scripted co and a scripted ta."""
 
     def __init__(self, search: Any, settle_s: float = knowledge.ALONE_S + 1.0) -> None:
-        self.wires = Wires()
+        self.wires = MemoryBus()
         self.heard: list[tuple[int, str, Any]] = []
         self.asked: list[Any] = []
         self.wires.add(partner("co", self.heard), wiring("co", "test"))
         self.wires.add(behaviours.agent(), wiring("pl", "test"), lambda post: search(post, self.asked))
-        self.wires.add(knowledge.agent(), wiring("km", "test"), store_device.at(None))
+        self.wires.add(knowledge.agent(), wiring("km", "test"), device_at(None))
         self.wires.run_for(settle_s)
 
     def ask(self, name: str) -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 from scripted_partner import Open, Say, partner
 
-from agent_runtime.testing.wires import Wires
+from agent_runtime.testing.memory_bus import MemoryBus
 from companion.binding import wiring
 from companion.languages import hfsm, rc, sw
 from companion.languages.facts import Kind, fact
@@ -29,7 +29,7 @@ class Scene:
     """ta between a co, an ex and a km that say what the test has them say."""
 
     def __init__(self) -> None:
-        self.wires = Wires()
+        self.wires = MemoryBus()
         self.heard: dict[str, list[tuple[int, str, Any]]] = {"co": [], "ex": [], "km": []}
         for name, heard in self.heard.items():
             self.wires.add(partner(name, heard), wiring(name, "test"))

@@ -10,7 +10,7 @@ from scripted_partner import Open, Say
 from ta_alone import BODY, CANCELLED, HOME, LOOK, OK, STUCK, Scene, plan
 
 from agent_runtime.core.events import Woken
-from agent_runtime.testing.wires import Point
+from agent_runtime.testing.memory_bus import Point
 from companion.design import AgentName
 from companion.languages import hfsm, rc, rs, sw, wm
 from companion.languages.evidence import Claim, Evidence, Sense
@@ -20,8 +20,8 @@ from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind
 from companion.tasks.pour.done import Pour, PourClaim, PourKind
 from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
-from services.task import acts, behaviours, words
-from services.task.memory import Act, Memory
+from services.task import acts, behaviours, outgoing_messages
+from services.task.memory import Memory, RunningAct
 
 ARRIVED = (Evidence(PourClaim.ARRIVED, "bowl_1", (Sense.EYES,), 3.0),)
 PUT = Evidence(Claim.STANDS, "jar_1")
@@ -319,7 +319,7 @@ FEELS_NOTHING = fact(Kind.ILL, rc.Sensor.LEFT_WRIST, rc.Fault.ZERO, 0.0)
 @pytest.mark.parametrize("fault", rc.Fault)
 def test_each_fault_of_each_sense_is_told(sense: rc.Sensor, fault: rc.Fault) -> None:
     """Of which some never come together; with the number of an offset."""
-    told = words.ill(rc.Done("act", BODY, ill=(rc.Ill(sense, fault, 0.05),)))  # type: ignore[arg-type]
+    told = outgoing_messages.ill(rc.Done("act", BODY, ill=(rc.Ill(sense, fault, 0.05),)))  # type: ignore[arg-type]
     assert told == (fact(Kind.ILL, sense, fault, 0.05),)
 
 
@@ -420,7 +420,7 @@ def test_a_look_around_whose_end_crosses_the_cancel_is_tried_again() -> None:
 
 def test_what_was_cancelled_is_not_cancelled_again() -> None:
     """ex agreed while the cancel was on its way, and its time passes again: nothing more is said to it."""
-    memory = Memory(act=Act("ta-1-1", HOME, agreed=True, stopped=True))
+    memory = Memory(act=RunningAct("ta-1-1", HOME, agreed=True, stopped=True))
     turn: Any = SimpleNamespace(event=Woken(acts.PATIENCE), say=lambda *_: pytest.fail("a second cancel"))
     assert not acts.overdue(memory, turn)
     assert acts.stop(memory, turn) is memory

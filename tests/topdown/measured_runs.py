@@ -1,7 +1,7 @@
 """Runs of the barrow, said by hand: a person orders once, nav asks and drives."""
 
 from fipa_codec.performatives import Performative as P
-from topdown.check.observe import Observation, Observed
+from topdown.check.recorded import Observation, Observed
 
 
 def said(at: float, way: str, protocol: str, act: P, size: int, talk: str, content: str = "") -> Observation:

@@ -72,7 +72,7 @@ def fleet(made: Design, most: int = 0, **wish: object) -> Fleet:
 
 
 def found(made: Design, most: int = 0, **wish: object) -> Exploration:
-    """Return the result of its exploration; small designs need no more states than that."""
+    """The result of its exploration; small designs need no more states than that."""
     return explore(fleet(made, most, **wish), most_states=50_000)
 
 
@@ -125,14 +125,14 @@ def instead(rows: tuple[str, ...], old: str, new: str) -> tuple[str, ...]:
 
 
 def kinds(made: Design, most: int = 0, **wish: object) -> set[str]:
-    """Return the kinds of its first findings; none if all holds."""
+    """The kinds of its first findings; none if all holds."""
     result = found(made, most, **wish)
     assert result.complete or result.findings
     return {one.kind for one in result.findings}
 
 
 def wrong(made: Design, most: int = 0, **wish: object) -> str:
-    """Return the text of the only finding, which must be of kind WRONG."""
+    """The text of the only finding, which must be of kind WRONG."""
     (one,) = found(made, most, **wish).findings
     assert one.kind == WRONG
     return one.text

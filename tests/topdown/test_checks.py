@@ -72,7 +72,7 @@ def test_a_finding_has_its_line() -> None:
 
 def test_findings_come_in_the_files_order() -> None:
     """So that a person can go through the file once."""
-    found = check(design(WRONG_TYPE, ("sum = [2, 2]", "sum = [2, 1]"), NOT_REALLOCATED))
+    found = check(design(WRONG_TYPE, ('agents = ["desk",', 'agents = ["desk", "cook",'), NOT_REALLOCATED))
     lines = [finding.line or 0 for finding in found]
     assert len(found) == 3
     assert lines == sorted(lines)

@@ -37,7 +37,7 @@ def ring(**talks: dict[str, list[str]]) -> Design:
 
 
 def found(**talks: dict[str, list[str]]) -> list[Finding]:
-    """Return the check's findings."""
+    """The check's findings."""
     return list(machines.wait_findings(ring(**talks)))
 
 

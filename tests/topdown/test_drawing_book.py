@@ -9,10 +9,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from topdown.draw import book, text
-from topdown.draw.channels import seconds, size
+from topdown.draw import book, document
+from topdown.draw.decomposition import natural
 from topdown.draw.document import Figure, Grid
-from topdown.draw.steps import natural
+from topdown.draw.system import seconds, size
 from topdown.model import elements, loading
 from topdown.model.design import Design, load
 from topdown.model.errors import NoSuchEntry
@@ -113,16 +113,16 @@ def test_the_same_design_gives_the_same_bytes() -> None:
 @pytest.mark.parametrize("width", [60, 80, 120])
 def test_text_keeps_to_the_width(width: int) -> None:
     """No line is longer than the terminal is wide."""
-    words = text.written(book.sections(LAMP, book.Choice(width=width)), width, long=True)
+    words = document.written(book.sections(LAMP, book.Choice(width=width)), width, long=True)
     assert max(map(len, words.splitlines())) <= width
 
 
 def test_details_are_left_out_unless_wanted() -> None:
     """The rows behind a diagram are counted only; at length they are there."""
     sections = book.sections(LAMP, book.Choice((book.What.PROTOCOLS,)))
-    assert "rows, not shown here" in text.written(sections)
-    assert "takes request" in text.written(sections, long=True)
-    assert "takes request" not in text.written(sections)
+    assert "rows, not shown here" in document.written(sections)
+    assert "takes request" in document.written(sections, long=True)
+    assert "takes request" not in document.written(sections)
 
 
 def test_a_step_is_summarized_as_in_the_papers_table_1() -> None:
@@ -203,5 +203,5 @@ def test_numbers_are_written_for_people() -> None:
 
 def test_a_word_too_long_is_broken_behind_a_mark() -> None:
     """In columns that are too narrow; other words stay whole."""
-    assert text.cell("one LANGUAGE.VeryLongClass_name", 14) == ["one LANGUAGE.", "VeryLongClass_", "name"]
-    assert text.cell("", 5) == [""]
+    assert document.cell("one LANGUAGE.VeryLongClass_name", 14) == ["one LANGUAGE.", "VeryLongClass_", "name"]
+    assert document.cell("", 5) == [""]

@@ -12,6 +12,7 @@ from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
 from topdown.draw import sequence
 from topdown.draw.exchange import Frame, Part, Place, Remark, Said, exchange, meet, name_of
+from topdown.draw.protocols import diagram
 
 FIPA = [value for value in vars(protocols).values() if isinstance(value, Protocol)]
 Word = tuple[Role, str]
@@ -80,7 +81,7 @@ class Reader:
         return bool(self.closed(states) & self.final)
 
     def words(self, states: frozenset[int]) -> dict[Word, frozenset[int]]:
-        """Return the words that may be said, each with the states it leads to."""
+        """The words that may be said, each with the states it leads to."""
         found: dict[Word, frozenset[int]] = {}
         for state in self.closed(states):
             for word, there in self.spoken[state]:
@@ -231,8 +232,9 @@ def test_rows_that_only_crossing_messages_need_are_told_apart() -> None:
 @given(tables(), st.integers(40, 120))
 def test_the_text_keeps_to_its_width(protocol: Protocol, width: int) -> None:
     """Lifelines stand below each other in every line, inside the width."""
-    cast = sequence.Cast("one", "other", {(Role.INITIATOR, P.REQUEST): (("L", ("Word",)),)})
-    lines = sequence.plain(exchange(protocol).parts, cast, width).splitlines()[1:]
+    carried = {(Role.INITIATOR, P.REQUEST): (("L", ("Word",)),)}
+    shown = diagram(exchange(protocol), "any", ("one", "other"), carried)
+    lines = sequence.plain(shown, width).splitlines()[1:]
     assert all(len(line) <= width for line in lines)
     assert len({len(line) for line in lines}) == 1
     assert all(line[-1] in "│┤" for line in lines)
@@ -241,6 +243,5 @@ def test_the_text_keeps_to_its_width(protocol: Protocol, width: int) -> None:
 @given(tables())
 def test_frames_and_messages_do_not_run_into_each_other(protocol: Protocol) -> None:
     """In the drawing no two words overlap."""
-    canvas = sequence.draw(exchange(protocol).parts, sequence.Cast("one", "other"), "any")
-    labels = canvas.labels
+    labels = sequence.draw(diagram(exchange(protocol), "any")).labels
     assert not [(a, b) for i, a in enumerate(labels) for b in labels[:i] if a.meets(b)]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from topdown.draw import canvas, machines, requirements, steps, system
+from topdown.draw import canvas, decomposition, machines, system
 from topdown.draw.canvas import Box, Canvas, tracks
 from topdown.model import elements
 from topdown.model.design import Design
@@ -145,7 +145,7 @@ def test_a_tree_shows_every_group_and_channel_of_its_step(design: Design, data: 
     """Divided groups and the fringe are boxes apart from each other; the channels of the step are there."""
     step = data.draw(st.integers(0, len(design.file.step)))
     stage = design.decomposition.stages[step]
-    canvas = steps.draw(design, step)
+    canvas = decomposition.draw(design, step)
     divided = sum(entry.divide is not None for entry in design.file.step[:step])
     assert len(canvas.boxes) == divided + len(stage.groups)
     assert not overlapping(canvas.boxes, 4)
@@ -218,8 +218,8 @@ def test_spans_of_one_track_are_apart(spans: list[tuple[int, int]]) -> None:
     "draw",
     [
         lambda design: system.draw(design),
-        lambda design: steps.draw(design, 2),
-        lambda design: requirements.section(design, 80).parts[0].canvas,
+        lambda design: decomposition.draw(design, 2),
+        lambda design: decomposition.requirements_section(design, 80).parts[0].canvas,
     ],
 )
 def test_names_are_escaped(draw: Callable[[Design], Canvas]) -> None:
@@ -238,7 +238,7 @@ def test_a_title_is_escaped() -> None:
 @given(designs())
 def test_every_requirement_is_in_the_tree_once(design: Design) -> None:
     """In the order of the tree, with the steps that handle it; what no step handles is told so."""
-    found = requirements.covered(design)
+    found = decomposition.covered(design)
     assert sorted(c.id for c in found) == sorted(entry.id for entry in design.file.requirement)
     assert found[-1].by == "no step handles it"
     assert all(re.match(r"step \d+", c.by) for c in found[:-1])

@@ -4,9 +4,8 @@ import pytest
 from measured_runs import run
 from spoiling import design
 
-from topdown.check.estimate import estimate
-from topdown.check.measure import measure, recorded_as_estimate
-from topdown.check.observe import Observation, Observed
+from topdown.check.estimate import estimate, measure, recorded_as_estimate
+from topdown.check.recorded import Observation, Observed
 
 AGREE = '"base", performative = "agree", language = "WAY", bytes = 100'
 

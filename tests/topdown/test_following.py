@@ -18,7 +18,7 @@ LENGTH = 40
 
 
 def walk(protocol: Protocol, chance: random.Random, *, lossy: bool) -> list[tuple[Role, Said]]:
-    """Return the words in the order they are said, by two roles that send and take at random times."""
+    """The words in the order they are said, by two roles that send and take at random times."""
     state = dict.fromkeys(Role, START)
     ahead: dict[Role, list[Said]] = {role: [] for role in Role}
     said: list[tuple[Role, Said]] = []

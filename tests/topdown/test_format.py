@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from topdown.check import check
-from topdown.check.observe import Observed
+from topdown.check.recorded import Observed
 from topdown.model import loading
 from topdown.model.design import Design
 from topdown.model.elements import DesignFile
@@ -56,7 +56,7 @@ def default(field: msgspec.structs.FieldInfo) -> str:
 
 
 def section(title: str) -> str:
-    """Return the text under a heading."""
+    """The text under a heading."""
     found = re.search(rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)
     assert found, f"docs/design/format.md has no section {title}"
     return found.group(1)

@@ -43,7 +43,7 @@ class Place(NamedTuple):
         return self.ours, self.judge.states, self.labels
 
     def acts(self, way: Way) -> set[P]:
-        """Return the acts that the table allows here, and not-understood."""
+        """The acts that the table allows here, and not-understood."""
         return {row.performative for row in self.ours.table.allowed(self.ours.state, way)} | {P.NOT_UNDERSTOOD}
 
     def judged(self, role: Role, one: Communicate, ours: Conversation) -> "Place | None":

@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from topdown.check import check
-from topdown.model.design import load
 from topdown.model.findings import Finding, Kind
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
@@ -18,8 +16,8 @@ GAPS = {Kind.NOT_ASKED_AGAIN, Kind.NO_BUDGET, Kind.NO_MACHINE, Kind.SILENT_CHANN
 
 @pytest.fixture(scope="module")
 def findings() -> tuple[Finding, ...]:
-    """Return the checker's findings."""
-    return check(load(contradictions.PRINTED))
+    """The checker's findings."""
+    return contradictions.printed()
 
 
 @pytest.mark.parametrize("entry", KNOWN.contradiction, ids=lambda entry: entry.text)

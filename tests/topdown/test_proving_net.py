@@ -15,6 +15,7 @@ from topdown.prove.net import (
     Is,
     Net,
     NetError,
+    NetModel,
     Queue,
     Send,
     Set,
@@ -23,7 +24,6 @@ from topdown.prove.net import (
     Wrong,
     is_,
 )
-from topdown.prove.net_model import NetModel
 
 VARIABLES = (Variable("a", ("x", "y", "z"), "A"), Variable("b", ("x", "y", "z"), "B", "y"))
 QUEUES = (Queue("q", ("m", "n"), 2, "B"),)

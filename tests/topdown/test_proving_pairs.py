@@ -16,8 +16,8 @@ from topdown.model.design import Design, load
 from topdown.model.elements import Division, Split, Step
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG, explore
-from topdown.prove.net_model import NetModel
-from topdown.prove.pairs import changed_channels, spoken, verify_pairs
+from topdown.prove.net import NetModel
+from topdown.prove.pairs import changed_channels, explore_use, ideal_pair, spoken
 from topdown.prove.roles import Players, restricted
 from topdown.prove.volatile import NOT_HELD, Rules, volatile_pair
 
@@ -32,7 +32,7 @@ def explored(net):
 
 
 def story(finding):
-    """Return the acts of a finding as short words."""
+    """The acts of a finding as short words."""
     return [f"{step.who} {step.what}" for step in finding.trace]
 
 
@@ -193,16 +193,15 @@ def test_what_needs_a_durable_stream_is_told_where_it_is_volatile(protocol):
 
 def test_a_design_is_verified_by_channel():
     """The lamp: one durable request, with the acts that its use lists."""
-    (result,) = verify_pairs(LAMP, faults=1)
+    result = explore_use(LAMP, "switch", 1)
     assert result.holds
     assert (result.use, result.channel, result.delivery) == ("switch", "C1", "durable")
-    assert verify_pairs(LAMP, channels=()) == ()
     assert {row.word for row in spoken(LAMP, "switch").tables[SERVER] if row.way is SEND} == {"inform"}
 
 
 def test_a_limit_says_what_is_open():
     """No verdict where the search stopped."""
-    (result,) = verify_pairs(LAMP, faults=2, most_states=100)
+    result = explore_use(LAMP, "switch", 2, most_states=100)
     assert not result.holds
     assert "not looked at" in result.exploration.unproven
 
@@ -213,10 +212,10 @@ def test_states_that_nobody_comes_to_are_named(monkeypatch):
     cancel = msgspec.structs.replace(request, performative=P.CANCEL, content=())
     use = msgspec.structs.replace(LAMP.file.protocol[0], message=(*LAMP.file.protocol[0].message, cancel))
     design = Design(msgspec.structs.replace(LAMP.file, protocol=(use,)))
-    assert not verify_pairs(design, faults=0)[0].unreached
+    assert not explore_use(design, "switch", 0).unreached
     asker = REQUEST.tables[ASKER].without(State.ASKED, SEND, P.CANCEL)
     monkeypatch.setattr(REQUEST, "tables", {**REQUEST.tables, ASKER: asker})
-    assert "lamp stopping-asked" in verify_pairs(design, faults=0)[0].unreached
+    assert "lamp stopping-asked" in explore_use(design, "switch", 0).unreached
 
 
 def test_channels_of_a_step():
@@ -277,5 +276,31 @@ def test_a_mutated_row_of_a_design_changes_its_verdict(monkeypatch):
     assert isinstance(LAMP.tables["request"], Protocol)
     server = REQUEST.tables[SERVER].without(State.ASKED, SEND, P.INFORM)
     monkeypatch.setattr(REQUEST, "tables", {**REQUEST.tables, SERVER: server})
-    (result,) = verify_pairs(LAMP, faults=0)
+    result = explore_use(LAMP, "switch", 0)
     assert not result.holds
+
+
+# --- ideal queues -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
+def test_pairs_hold_over_ideal_queues(protocol):
+    """Pairs hold as layer 1 licenses; the state space is smaller."""
+    found = explored(ideal_pair(protocol))
+    assert found.holds, str(found.findings[0])
+    assert found.states < explored(durable_pair(protocol, faults=0)).states
+
+
+def test_ideal_queues_and_explicit_streams_agree_about_spoilt_tables():
+    """The same text for a missing row, the same kind for a silent one."""
+    small = restricted(REQUEST, {ASKER: {"request", "cancel"}, SERVER: {"refuse", "agree", "inform", "failure"}})
+    missing = small.with_tables(participant=small.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL))
+    silent = small.tables[SERVER]
+    for state in (State.START, State.DONE, State.REFUSED):
+        silent = silent.with_rows(Row(state, RECEIVE, P.CANCEL, PLAIN, State.DONE))
+    for protocol, kind in ((missing, WRONG), (small.with_tables(participant=silent), UNREACHED)):
+        ideal, explicit = (
+            explored(net).findings[0] for net in (ideal_pair(protocol), durable_pair(protocol, faults=0))
+        )
+        assert (ideal.kind, ideal.text) == (explicit.kind, explicit.text)
+        assert ideal.kind == kind

@@ -12,9 +12,23 @@ from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, State
 from fipa_codec.tables import RECEIVE, Role, Row
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import DEADLOCK, WRONG, explore
-from topdown.prove.net import Clear, Command, Copy, Empty, Full, Head, Net, Queue, Send, Set, Take, Variable, is_
+from topdown.prove.net import (
+    Clear,
+    Command,
+    Copy,
+    Empty,
+    Full,
+    Head,
+    Net,
+    NetModel,
+    Queue,
+    Send,
+    Set,
+    Take,
+    Variable,
+    is_,
+)
 from topdown.prove.net import Wrong as Never
-from topdown.prove.net_model import NetModel
 from topdown.prove.promela import promela
 from topdown.prove.roles import restricted
 from topdown.prove.volatile import Rules, volatile_pair

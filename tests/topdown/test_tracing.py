@@ -4,7 +4,7 @@ from measured_runs import run, said
 from spoiling import design
 
 from fipa_codec.performatives import Performative as P
-from topdown.check.trace import Shown, descendants, leaves, trace
+from topdown.check.requirements import Shown, descendants, leaves, trace
 
 
 def test_leaves_are_what_no_other_refines() -> None:

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from secured_fleet import end, secured, serve
 from toy_fleet import Fleet, wait_for
 
-from agent_runtime.io import log_sender
-from agent_runtime.io.log_sender import LEASE_S, LogSender
-from agent_runtime.io.steplog import read
+from agent_runtime.io import steplog
+from agent_runtime.io.steplog import SENDER_LEASE_S, LogSender, read
 from operate.recording import recorder
 from operate.recording.recorder import CopiedLogs
 
@@ -70,9 +69,9 @@ def test_whatever_is_lost_the_copy_ends_whole(log: bytes, data: st.DataObject) -
     """Parts and askings are lost, the recorder begins again, the log grows; in the end nothing more is lost."""
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         now = 0.0
-        patch.setattr(log_sender.time, "monotonic", lambda: now)
-        patch.setattr(log_sender.threading, "Thread", Unstarted)
-        patch.setattr(log_sender, "MOST_BYTES", 50)
+        patch.setattr(steplog.time, "monotonic", lambda: now)
+        patch.setattr(steplog.threading, "Thread", Unstarted)
+        patch.setattr(steplog, "PART_BYTES", 50)
         path, run = Path(folder) / "co.steps", Path(folder) / "run"
         path.write_bytes(log[:1])
         sent: list[bytes] = []
@@ -96,7 +95,7 @@ def test_whatever_is_lost_the_copy_ends_whole(log: bytes, data: st.DataObject) -
                     copies.take("co", part)
             sent.clear()
         assert (run / "steps" / "co.steps").read_bytes() == log
-        now += 2 * LEASE_S
+        now += 2 * SENDER_LEASE_S
         _send(sender)
         assert sender._thread is None, "nobody asks any more"
 

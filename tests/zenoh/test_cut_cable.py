@@ -15,7 +15,7 @@ from typing import IO
 
 import pytest
 
-from agent_runtime.io import keys
+from agent_runtime.io import issuing
 from agent_runtime.io.secured import Rights
 from agent_runtime.io.sessions import LEASE_MS
 
@@ -82,10 +82,10 @@ def test_a_busy_sender_learns_of_a_cut_while_the_cable_is_out(
     """And has its router again when the cable is back. Without so_sndbuf it learnt so when the cable was back."""
     desk, robot = hosts
     now = dt.datetime.now(dt.UTC)
-    issuer = keys.authority("authority", now - WEEK, now + WEEK)
-    keys.publish(tmp_path, issuer, Rights((), {}))
-    keys.issue(tmp_path, issuer, "router", now, now + WEEK, (robot.address,))
-    keys.issue(tmp_path, issuer, "co", now, now + WEEK)
+    issuer = issuing.authority("authority", now - WEEK, now + WEEK)
+    issuing.publish(tmp_path, issuer, Rights((), {}))
+    issuing.certify(tmp_path, issuer, "router", now, now + WEEK, (robot.address,))
+    issuing.certify(tmp_path, issuer, "co", now, now + WEEK)
     with ExitStack() as ending:
         router = started(ending, robot, ROUTER, str(tmp_path), robot.address)
         assert router.readline() == "listens\n"

@@ -21,7 +21,7 @@ from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Seen
 from operate.fault_lines import latest, read
 from operate.recording import mcap_file
-from operate.recording.fault_file import fault_in
+from operate.recording.records import fault_in
 from operate.run_folder import FAULTS_FILE, Fault, ProcessState
 from operate.wires import clocks
 

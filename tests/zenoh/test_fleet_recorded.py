@@ -18,9 +18,10 @@ from toy_fleet import wait_for
 
 from companion.tools.system import SYSTEM
 from operate.cli.traffic.replace import Compared
-from operate.recording import history, mcap_file
+from operate.recording import mcap_file
 from operate.recording.ends import Ends
 from operate.recording.records import Identity, Origin, Record, Spoken
+from operate.recording.run import Run
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(600)]
 PHASES, FIRST, APART = 12, 30, 25
@@ -92,7 +93,7 @@ def test_a_recorder_misses_nothing_at_any_phase_of_a_pour(fleet: RocoFleet, firs
     recorded = mcap_file.read(fleet.run / mcap_file.FILE, SYSTEM)
     assert recorded.whole
     assert Counter(one.identity for one in recorded.records if _is_taken(one)) == Counter(taken)
-    judged = history.load(fleet.run, SYSTEM).judged
+    judged = Run(fleet.run, SYSTEM).history.judged
     assert [one for one in judged if one.violation or one.verdict == "not judged"] == []
 
 

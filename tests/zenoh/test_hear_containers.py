@@ -14,11 +14,11 @@ from test_traffic import ROCO, Router, told, wait_for
 
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.sessions import free_endpoint
-from agent_runtime.testing.step_logs import StepLogs
+from agent_runtime.io.steplog import StepLogs
 from companion.tools.system import SYSTEM
 from operate.recording import mcap_file
-from operate.recording.history import Setting, load
-from operate.recording.records import SETTING, House, Spoken
+from operate.recording.records import SETTING, House, Setting, Spoken
+from operate.recording.run import Run
 from operate.run_folder import TRAFFIC_FILE
 
 pytestmark = pytest.mark.zenoh
@@ -112,7 +112,7 @@ def test_a_recording_is_made_here_with_the_fleets_setting(containers: Containers
     (done,) = told(process)
     assert done["communicates"] == 40
     file.rename(containers.run / TRAFFIC_FILE)
-    assert load(containers.run, SYSTEM).setting == Setting(5, "max")
+    assert Run(containers.run, SYSTEM).history.setting == Setting(5, "max")
 
 
 def test_a_monitor_that_stops_is_told(containers: Containers) -> None:

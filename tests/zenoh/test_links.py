@@ -22,12 +22,18 @@ from agent_runtime.core import binding
 from agent_runtime.io import issuing, secured
 from agent_runtime.io.heartbeat import Heartbeat
 from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.incoming import Bytes
-from agent_runtime.io.links import Links, NoEndpointError
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_FOLDER
-from agent_runtime.io.sessions import client_config, close, free_endpoint, open_links, open_router
-from agent_runtime.io.zenoh_wire import ZenohWire
+from agent_runtime.io.sessions import (
+    Links,
+    NoEndpointError,
+    client_config,
+    close,
+    free_endpoint,
+    open_links,
+    open_router,
+)
+from agent_runtime.io.zenoh_wire import Bytes, ZenohWire
 from companion.binding import wiring
 from companion.design import DESIGN
 from fipa_codec.communicate import Communicate

@@ -43,16 +43,34 @@ def done(run: Path) -> tuple[int, ...]:
     return memory.done
 
 
+class Expected:
+    """Numbers that are asked of a fleet from now on: each is worked on and answered once, in order."""
+
+    def __init__(self, fleet: Fleet, *numbers: int) -> None:
+        self.fleet, self.numbers = fleet, numbers
+        self.before = (answers(fleet.run), done(fleet.run)) if (fleet.run / "want").exists() else ((), ())
+        for number in numbers:
+            fleet.want(number)
+
+    @property
+    def count(self) -> int:
+        """How many are answered."""
+        return len(answers(self.fleet.run)) - len(self.before[0])
+
+    def came(self) -> None:
+        """Wait for all of them."""
+        wait_for(lambda: self.count >= len(self.numbers), f"{len(self.numbers)} answers\n{self.fleet.logs()}")
+        assert answers(self.fleet.run) == (*self.before[0], *((number, 2 * number) for number in self.numbers))
+        assert done(self.fleet.run) == (*self.before[1], *self.numbers)
+
+
 def expect(fleet: Fleet, *numbers: int) -> None:
-    """These were asked, worked on and answered, once each and in order."""
-    wait_for(lambda: len(answers(fleet.run)) >= len(numbers), f"{len(numbers)} answers\n{fleet.logs()}")
-    assert answers(fleet.run) == tuple((number, 2 * number) for number in numbers)
-    assert done(fleet.run) == numbers
+    """These are asked, worked on and answered."""
+    Expected(fleet, *numbers).came()
 
 
 def test_request_is_answered_and_stop_is_orderly(fleet: Fleet) -> None:
     """A request goes there and comes back; SIGTERM ends each with status 0; the step log replays to the same bytes."""
-    fleet.want(4)
     expect(fleet, 4)
     assert [fleet.stop(name) for name in ("asker", "server", "router")] == [0, 0, 0]
     to_server, _ = toy.wirings()
@@ -62,41 +80,43 @@ def test_request_is_answered_and_stop_is_orderly(fleet: Fleet) -> None:
 
 
 @pytest.mark.parametrize("victim", ["server", "asker"])
-def test_killed_in_the_middle(fleet: Fleet, victim: str) -> None:
+def test_killed_in_the_middle(shared: Fleet, victim: str) -> None:
     """kill -9 while requests are under way, and a restart from the journal: everything happens exactly once."""
-    for number in range(6):
-        fleet.want(number)
-    wait_for(lambda: len(answers(fleet.run)) >= 2, "some answers")
+    six, life = Expected(shared, *range(6)), shared.beat(victim).incarnation
+    wait_for(lambda: six.count >= 2, "some answers")
     if victim == "asker":
         # What a person said and no record holds is lost by a death, so all must be in memory first.
-        wait_for(lambda: _all_wanted(fleet.run), "all words are taken")
-        (fleet.run / "want").unlink()
-    fleet.kill(victim)
-    fleet.start(victim)
-    expect(fleet, *range(6))
-    fleet.ready(victim)
-    assert fleet.beat(victim).incarnation == 2
+        wait_for(lambda: len(asked(shared.run)) == 6 + len(six.before[0]), "all words are taken")
+        (shared.run / "want").unlink()
+    shared.kill(victim)
+    shared.start(victim)
+    six.came()
+    shared.ready(victim)
+    (shared.run / "want").touch()
+    assert shared.beat(victim).incarnation == life + 1
 
 
-def _all_wanted(run: Path) -> bool:
-    record = last_record((run / "journal" / "asker.journal").read_bytes())
-    return record is not None and all_are_wanted(record)
+def asked(run: Path, record: bytes | None = None) -> tuple[int, ...]:
+    """The numbers that the asker has taken by then, answered or not."""
+    record = record or last_record((run / "journal" / "asker.journal").read_bytes())
+    memory = restored(toy.asker(), record or b"").memory
+    return (*(number for number, _ in memory.answers), *memory.wanted)
 
 
-def test_a_step_without_an_end(fleet: Fleet) -> None:
+def test_a_step_without_an_end(shared: Fleet) -> None:
     """The agent's session lives, by Zenoh's own threads, but its heartbeat stands still, which supervisors look at.
 
     Killed for that it is as any other that was killed.
     """
-    (fleet.run / "endless").touch()
-    fleet.want(1)
-    beat = fleet.run / "server.heartbeat.json"
+    peers = shared.beat("asker").peers
+    (shared.run / "endless").touch()
+    one, beat = Expected(shared, 1), shared.run / "server.heartbeat.json"
     wait_for(lambda: time.time() - beat.stat().st_mtime > 2 * LATE_S, "the heartbeat stands still")
-    assert fleet.beat("asker").peers == {"server": 1}
-    (fleet.run / "endless").unlink()
-    fleet.kill("server")
-    fleet.start("server")
-    expect(fleet, 1)
+    assert shared.beat("asker").peers == peers
+    (shared.run / "endless").unlink()
+    shared.kill("server")
+    shared.start("server")
+    one.came()
 
 
 @pytest.mark.parametrize("victim", ["server", "asker"])
@@ -113,15 +133,17 @@ def test_a_deleted_journal(fleet: Fleet, victim: str) -> None:
 @pytest.mark.parametrize("victim", ["server", "asker"])
 def test_a_journal_cut(fleet: Fleet, victim: str) -> None:
     """kill -9, and the last half of the journal is lost: its peer knows more, and the agent begins again."""
-    for number in range(6):
-        fleet.want(number)
-    wait_for(lambda: len(answers(fleet.run)) >= 3 and _all_wanted(fleet.run), "3 answers, and all words are taken")
+    Expected(fleet, *range(6)).came()
     (fleet.run / "want").unlink()  # an asker that is started again would take them again
+    # What the victim forgets its peer must know: the receipt of the last answer has come.
+    at = fleet.beat("server").at
+    wait_for(lambda: fleet.beat("server").at > at and not any(fleet.beat("server").unreceipted.values()), "receipts")
     fleet.kill(victim)
     journal = fleet.run / "journal" / f"{victim}.journal"
     kept = list(records(journal.read_bytes()))
-    wanted = [at for at, one in enumerate(kept) if all_are_wanted(one)] if victim == "asker" else [1]
-    journal.write_bytes(MAGIC + b"".join(map(frame, kept[: max(wanted[0], len(kept) // 2) + 1])))
+    # What a person said must be in the part that is left: nobody says it again.
+    least = next(at for at, one in enumerate(kept) if victim == "server" or len(asked(fleet.run, one)) == 6)
+    journal.write_bytes(MAGIC + b"".join(map(frame, kept[: max(least, len(kept) // 2) + 1])))
     fleet.start(victim)
     assert fleet.processes[victim].wait(DEADLINE_S) == 1
     assert "a part of" in (fleet.run / f"{victim}.log").read_text()
@@ -138,45 +160,38 @@ def begins_again(fleet: Fleet, victim: str) -> None:
     assert f"{victim} has another journal than before" in (fleet.run / f"{other}.log").read_text()
 
 
-def all_are_wanted(record: bytes) -> bool:
-    """Whether the asker has taken all six words by then."""
-    memory = restored(toy.asker(), record).memory
-    return len(memory.answers) + len(memory.wanted) == 6
-
-
 @pytest.mark.parametrize("moved_s", [-3600, 3600])
-def test_the_wall_clock_is_set(fleet: Fleet, moved_s: int) -> None:
+def test_the_wall_clock_is_set(shared: Fleet, moved_s: int) -> None:
     """By an hour, either way, while requests are under way: heartbeats, wake-ups and re-sending go on."""
-    fleet.want(1)
-    expect(fleet, 1)
-    (fleet.run / "clock").write_text(str(moved_s))
-    beat, at = fleet.run / "asker.heartbeat.json", fleet.beat("asker").at
+    expect(shared, 1)
+    (shared.run / "clock").write_text(str(moved_s))
+    beat, at = shared.run / "asker.heartbeat.json", shared.beat("asker").at
     last = beat.stat().st_mtime_ns
     wait_for(lambda: beat.stat().st_mtime_ns > last, "the asker beats on")
-    assert abs(fleet.beat("asker").at - at) < 1800
-    fleet.kill("server")
-    fleet.want(2)
-    wait_for(lambda: fleet.beat("asker").state == "asking", "the asker asks")
-    fleet.start("server")
-    expect(fleet, 1, 2)
+    assert abs(shared.beat("asker").at - at) < 1800
+    shared.kill("server")
+    two = Expected(shared, 2)
+    wait_for(lambda: shared.beat("asker").state == "asking", "the asker asks")
+    shared.start("server")
+    two.came()
+    (shared.run / "clock").unlink()
 
 
-def test_router_killed(fleet: Fleet) -> None:
+def test_router_killed(shared: Fleet) -> None:
     """The traffic goes on, nobody is taken for dead, and the agents see that the router is away, and is back."""
-    fleet.want(1)
-    expect(fleet, 1)
-    fleet.kill("router")
-    wait_for(lambda: not fleet.beat("asker").up, "the asker sees that the router is away")
-    fleet.want(2)
-    expect(fleet, 1, 2)
-    fleet.start("router")
-    wait_for(lambda: fleet.beat("asker").up, "the asker sees the router")
-    assert fleet.beat("asker").peers == {"server": 1}
+    expect(shared, 1)
+    peers = shared.beat("asker").peers
+    shared.kill("router")
+    wait_for(lambda: not shared.beat("asker").up, "the asker sees that the router is away")
+    expect(shared, 2)
+    shared.start("router")
+    wait_for(lambda: shared.beat("asker").up, "the asker sees the router")
+    assert shared.beat("asker").peers == peers
 
 
-def test_garbage_kills_nobody(fleet: Fleet) -> None:
+def test_garbage_kills_nobody(shared: Fleet) -> None:
     """Garbage on an agent's keys is counted, and the next request is served."""
-    with zenoh.open(client_config(fleet.agents["server"])) as session:
+    with zenoh.open(client_config(shared.agents["server"])) as session:
         key = communicate_key("toy", "T1", "asker", "server", "request", Performative.REQUEST)
         lie = Communicate(
             performative=Performative.CANCEL,
@@ -190,10 +205,19 @@ def test_garbage_kills_nobody(fleet: Fleet) -> None:
             session.put(key, data)
         session.put("roco/toy/_/receipt/asker/server", b"\x93garbage")
         session.put("roco/toy/_/alive/asker/many", b"")
-        wait_for(lambda: fleet.beat("server").counts.get("garbled", 0) == 4, "all garbage is counted")
-        wait_for(lambda: fleet.beat("server").counts.get("forged", 0) == 2, "what says other than its key, too")
-    fleet.want(9)
-    expect(fleet, 9)
+        wait_for(lambda: shared.beat("server").counts.get("garbled", 0) == 4, "all garbage is counted")
+        wait_for(lambda: shared.beat("server").counts.get("forged", 0) == 2, "what says other than its key, too")
+    expect(shared, 9)
+
+
+def test_a_second_process_of_an_agent_is_refused(shared: Fleet) -> None:
+    """One journal, one process: the second one ends with an error that says why, the first one serves on."""
+    first = shared.processes.pop("server")
+    shared.start("server")
+    assert shared.processes.pop("server").wait(20.0) == 1
+    assert "another process holds it" in shared.logs()
+    shared.processes["server"] = first
+    expect(shared, 3)
 
 
 def test_without_a_router(tmp_path: Path) -> None:
@@ -201,7 +225,6 @@ def test_without_a_router(tmp_path: Path) -> None:
     fleet = Fleet(tmp_path)
     fleet.start("server", "asker")
     fleet.ready("server", "asker")
-    fleet.want(1)
     expect(fleet, 1)
     wait_for(lambda: "nobody listens" in (tmp_path / "server.log").read_text(), "the agent says why")
     assert [fleet.stop(name) for name in ("asker", "server")] == [0, 0]
@@ -218,14 +241,3 @@ def test_where_its_place_is_taken_an_agent_waits(tmp_path: Path) -> None:
         wait_for(lambda: fleet.beat("server").at > beat, "it beats on")
         assert fleet.stop("server") == 0
         assert fleet.logs().count("cannot listen") == 1
-
-
-def test_a_second_process_of_an_agent_is_refused(fleet: Fleet) -> None:
-    """One journal, one process: the second one ends with an error that says why, the first one serves on."""
-    first = fleet.processes.pop("server")
-    fleet.start("server")
-    assert fleet.processes.pop("server").wait(20.0) == 1
-    assert "another process holds it" in fleet.logs()
-    fleet.processes["server"] = first
-    fleet.want(3)
-    expect(fleet, 3)

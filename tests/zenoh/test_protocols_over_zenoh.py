@@ -1,6 +1,5 @@
 """Each protocol of FIPA, with its cancels, between two real agents over a real router; a crowd; a broker's targets."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -43,10 +42,9 @@ def closed(fleet: Fleet) -> None:
         fleet.kill(name)
 
 
-@pytest.fixture(scope="module")
-def played(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[Role, Any]]:
-    """The memories of both players after all stories."""
-    fleet = opened(tmp_path_factory.mktemp("stories"), "alice", "bob")
+def test_every_story_of_every_protocol_ends_as_told(tmp_path: Path) -> None:
+    """On both sides, by the journal of each."""
+    fleet = opened(tmp_path, "alice", "bob")
     players = {Role.INITIATOR: stories.alice(), Role.PARTICIPANT: stories.bob()}
 
     def over() -> bool:
@@ -55,20 +53,14 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[Role, Any]
 
     try:
         wait_for(over, f"all {len(stories.SCRIPT)} stories are played\n{fleet.logs()}", 50.0)
-        yield {role: journalled(fleet.run, agent) for role, agent in players.items()}
+        for role, agent in players.items():
+            played, wanted = journalled(fleet.run, agent), stories.wanted(role)
+            assert not played.wrong
+            told = zip(stories.SCRIPT, played.ends, wanted, strict=True)
+            assert [(role, *row) for row in told if row[1] != row[2]] == []
+        assert {name for name, _ in stories.SCRIPT} == {protocol.name for protocol in PROTOCOLS}
     finally:
         closed(fleet)
-
-
-@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
-@pytest.mark.parametrize("role", Role)
-def test_every_story_of_the_protocol_ends_as_told(played: dict[Role, Any], role: Role, protocol: Any) -> None:
-    """On both sides, by the journal of each."""
-    assert not played[role].wrong
-    mine = [place for place, (name, _) in enumerate(stories.SCRIPT) if name == protocol.name]
-    assert mine
-    wanted = stories.wanted(role)
-    assert [played[role].ends[place] for place in mine] == [wanted[place] for place in mine]
 
 
 def stands(run: Path) -> dict[str, str]:

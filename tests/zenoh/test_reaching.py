@@ -19,7 +19,7 @@ from cryptography import x509
 from guarded import SYSTEM
 from toy_fleet import wait_for
 
-from agent_runtime.io import keys, reaching
+from agent_runtime.io import issuing, reaching
 from agent_runtime.io.reaching import why_not
 from agent_runtime.io.secured import AUTHORITY, Rights, certificate_file, client_tls, key_file
 from agent_runtime.io.sessions import free_endpoint
@@ -42,12 +42,12 @@ WEEK = dt.timedelta(days=7)
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Keys of the router and of co; what co had, will have, or got from another authority; another fleet's."""
     where, now = tmp_path_factory.mktemp("keys"), dt.datetime.now(dt.UTC)
-    issuer = keys.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
-    foreign = keys.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
-    keys.publish(where, issuer, RIGHTS)
-    keys.issue(where, issuer, ROUTER, now, now + WEEK, keys.HOSTS)
+    issuer = issuing.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
+    foreign = issuing.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
+    issuing.publish(where, issuer, RIGHTS)
+    issuing.certify(where, issuer, ROUTER, now, now + WEEK, issuing.HOSTS)
     for identity in ("co", "console"):
-        keys.issue(where, issuer, identity, now, now + WEEK)
+        issuing.certify(where, issuer, identity, now, now + WEEK)
     (where / "older").mkdir()
     with pytest.MonkeyPatch.context() as older:  # versions that gave certificates no key identifiers
         add, lacks = x509.CertificateBuilder.add_extension, (x509.AuthorityKeyIdentifier, x509.SubjectKeyIdentifier)
@@ -56,10 +56,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "add_extension",
             lambda self, one, critical: self if isinstance(one, lacks) else add(self, one, critical),
         )
-        one = keys.authority("authority", now, now + WEEK)
-        keys.publish(where / "older", one, RIGHTS)
-        keys.issue(where / "older", one, ROUTER, now, now + WEEK, keys.HOSTS)
-        keys.issue(where / "older", one, "co", now, now + WEEK)
+        one = issuing.authority("authority", now, now + WEEK)
+        issuing.publish(where / "older", one, RIGHTS)
+        issuing.certify(where / "older", one, ROUTER, now, now + WEEK, issuing.HOSTS)
+        issuing.certify(where / "older", one, "co", now, now + WEEK)
     for name, begin, by, trusted in (
         ("expired", now - 2 * WEEK, issuer, issuer),
         ("early", now + WEEK, issuer, issuer),
@@ -67,9 +67,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("elsewhere", now, foreign, foreign),
     ):
         (where / name).mkdir()
-        keys.publish(where / name, trusted, RIGHTS)
+        issuing.publish(where / name, trusted, RIGHTS)
         for identity in ("co", "console"):
-            keys.issue(where / name, by, identity, begin, begin + WEEK)
+            issuing.certify(where / name, by, identity, begin, begin + WEEK)
     return where
 
 

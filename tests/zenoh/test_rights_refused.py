@@ -1,4 +1,4 @@
-"""Refusals, their counters and their names in the log: sessions by the router, communicates by their receiver."""
+"""Sessions that the router refuses, and their names in its log; keys that are missing."""
 
 import datetime as dt
 import os
@@ -8,20 +8,15 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import msgspec
 import pytest
 import zenoh
 from guarded import SYSTEM
-from test_over_zenoh import expect
-from toy_fleet import Fleet, wait_for
+from toy_fleet import wait_for
 
-from agent_runtime.core.wiring import communicate_key
-from agent_runtime.io import issuing, keys
+from agent_runtime.io import issuing
 from agent_runtime.io.secured import AUTHORITY, KeysError, Rights, client_tls, rights_of
 from agent_runtime.io.sessions import client_config, free_endpoint
 from companion.design import DESIGN
-from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
-from fipa_codec.performatives import Performative
 from topdown.model.rights import ROUTER, access_control, identities
 
 pytestmark = pytest.mark.zenoh
@@ -33,19 +28,19 @@ WEEK = dt.timedelta(days=7)
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Keys of the router and of co, and what co once had, will have, or got from another authority."""
     where, now = tmp_path_factory.mktemp("keys"), dt.datetime.now(dt.UTC)
-    issuer = keys.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
-    foreign = keys.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
-    keys.publish(where, issuer, RIGHTS)
-    keys.issue(where, issuer, ROUTER, now, now + WEEK, keys.HOSTS)
-    keys.issue(where, issuer, "co", now, now + WEEK)
+    issuer = issuing.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
+    foreign = issuing.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
+    issuing.publish(where, issuer, RIGHTS)
+    issuing.certify(where, issuer, ROUTER, now, now + WEEK, issuing.HOSTS)
+    issuing.certify(where, issuer, "co", now, now + WEEK)
     for name, begin, by in (
         ("expired", now - 2 * WEEK, issuer),
         ("early", now + WEEK, issuer),
         ("foreign", now, foreign),
     ):
         (where / name).mkdir()
-        keys.publish(where / name, issuer, RIGHTS)
-        keys.issue(where / name, by, "co", begin, begin + WEEK)
+        issuing.publish(where / name, issuer, RIGHTS)
+        issuing.certify(where / name, by, "co", begin, begin + WEEK)
     return where
 
 
@@ -115,46 +110,6 @@ def test_keys_are_for_their_owner_alone(tmp_path: Path) -> None:
     files = list((tmp_path / "keys").iterdir())
     assert {file.stat().st_mode & 0o777 for file in files} == {0o600}
     assert {file.stem for file in files if file.suffix == ".key"} == set(identities(DESIGN))
-
-
-# --- communicates: the router sees only their key ---------------------------------------------------------------------
-
-SAID = Communicate(
-    performative=Performative.REQUEST, protocol="request", conversation="c", sender="asker", receiver="server", id="1"
-)
-
-
-@pytest.mark.parametrize("lie", [{"sender": "server"}, {"receiver": "asker"}, {"performative": Performative.CANCEL}])
-def test_a_communicate_that_says_other_than_its_key_is_refused(fleet: Fleet, lie: dict[str, str]) -> None:
-    """It is counted, named in the log with both senders, and neither taken nor receipted."""
-    key = communicate_key("toy", "T1", "asker", "server", "request", Performative.REQUEST)
-    one = msgspec.structs.replace(SAID, **lie)
-    with zenoh.open(client_config(fleet.agents["server"])) as session:
-        session.put(key, encode_strictly(one))
-        wait_for(lambda: fleet.beat("server").counts.get("forged", 0) == 1, "it is counted")
-    assert fleet.beat("server").counts == {"forged": 1}
-    line = next(line for line in fleet.logs().splitlines() if " forged " in line)
-    assert key in line
-    assert f"{one.sender}/{one.receiver}/{one.protocol}/{one.performative}" in line
-
-
-def test_a_replayed_communicate_is_dropped(fleet: Fleet) -> None:
-    """A recorded request that is put again achieves nothing: it is counted, and the work is done once."""
-    key = communicate_key("toy", "T1", "asker", "server", "request", Performative.REQUEST)
-    with zenoh.open(client_config(fleet.agents["server"])) as session:
-        heard: list[bytes] = []
-        ear = session.declare_subscriber(key, lambda sample: heard.append(sample.payload.to_bytes()))
-        fleet.want(3)
-        wait_for(lambda: heard, "a request is recorded")
-        assert decode_strictly(heard[0]).sender == "asker"
-        expect(fleet, 3)
-        ear.undeclare()
-        for _ in range(3):
-            session.put(key, heard[0])
-        wait_for(lambda: fleet.beat("server").counts.get("taken before", 0) >= 3, "the copies are counted")
-    fleet.want(4)
-    expect(fleet, 3, 4)
-    assert "forged" not in fleet.beat("server").counts
 
 
 def test_an_agent_without_its_keys_ends_and_says_why(folder: Path, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ put by its own sender cannot be told from one that is sent again, and does as li
 """
 
 import json
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,14 +16,13 @@ from secured_fleet import SYSTEM, end, listens, secured, serve, session
 from toy_fleet import Fleet as Processes
 from toy_fleet import wait_for
 
-from agent_runtime.core.peers import words
+from agent_runtime.core.peers import unheard_text
+from agent_runtime.impersonation import StandIn
 from agent_runtime.io import issuing
-from agent_runtime.io.links import Links
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import client_tls, links_file
-from agent_runtime.io.sessions import client_config
-from agent_runtime.testing.stand_in import StandIn
+from agent_runtime.io.sessions import Links, client_config
 from companion.all_languages import LANGUAGES
 from companion.binding import wiring
 from companion.design import DESIGN
@@ -83,27 +83,43 @@ def said(fleet: Processes, what: str) -> dict[str, object]:
     return next(line for line in reversed(lines) if line["event"] == what)
 
 
-@pytest.mark.parametrize("lie", [{"sender": "pl"}, {"receiver": "ta"}, {"performative": Performative.CANCEL}])
-def test_a_lie_inside_a_communicate_is_refused(fleet: Processes, lie: dict[str, str]) -> None:
+def test_a_lie_inside_a_communicate_is_refused(fleet: Processes) -> None:
     """hi's key lets a thief put on hi's keys; what says that it is of another is counted and named, and not taken."""
-    said_so = encode_strictly(msgspec.structs.replace(LOOK, id="1", **lie))
-    with session(fleet, "hi", "co") as thief:
-
-        def counted() -> bool:
-            thief.put(KEY, said_so)  # again and again: co listens some time after its first heartbeat
-            return count(fleet, "forged") > 0
-
-        wait_for(counted, "it is counted")
-    line = said(fleet, "forged")
-    assert KEY in str(line)
-    claimed = msgspec.structs.replace(LOOK, **lie)
-    assert f"{claimed.sender}/{claimed.receiver}/{claimed.protocol}/{claimed.performative}" in str(line)
+    for lie in ({"sender": "pl"}, {"receiver": "ta"}, {"performative": Performative.CANCEL}):
+        claimed = msgspec.structs.replace(LOOK, id="1", **lie)
+        puts(fleet, encode_strictly(claimed), count(fleet, "forged"))
+        claims = f"{claimed.sender}/{claimed.receiver}/{claimed.protocol}/{claimed.performative}"
+        assert (KEY in str(said(fleet, "forged")), claims in str(said(fleet, "forged"))) == (True, True)
     assert fleet.beat("co").unreceipted == {}, "nothing is answered"
 
 
-def test_a_recorded_communicate_does_nothing_when_its_sender_puts_it_again(fleet: Processes) -> None:
-    """It is counted and named each time; the one task stays one."""
-    copy = recorded(fleet)
+def puts(fleet: Processes, data: bytes, before: int) -> None:
+    """Put it with hi's key until it is counted: co listens some time after its first heartbeat.
+
+    Once in a while: of more than 20 of a kind in 10 s the log has a sum.
+    """
+    due = time.monotonic()
+    with session(fleet, "hi", "co") as thief:
+
+        def counted() -> bool:
+            nonlocal due
+            if time.monotonic() >= due:
+                due += 1.5
+                thief.put(KEY, data)
+            return count(fleet, "forged") > before
+
+        wait_for(counted, "it is counted")
+
+
+def test_a_recorded_communicate_does_nothing_when_it_is_put_again(fleet: Processes) -> None:
+    """By its sender it is counted and named each time, and the one task stays one. With pl's key co does not let it
+    onto hi's key; on pl's own it is a lie, counted and named. ta's key does not hear what hi says to co.
+    """
+    heard: list[zenoh.Sample] = []
+    with session(fleet, "ta", "co") as thief:
+        thief.declare_subscriber(KEY, heard.append)
+        copy = recorded(fleet)
+    assert not heard
     wait_for(lambda: planning(fleet) == (1, "compSP"), "co asks for a plan, and nobody answers")
     with session(fleet, "hi", "co") as thief:
         for number in range(1, 4):
@@ -113,18 +129,14 @@ def test_a_recorded_communicate_does_nothing_when_its_sender_puts_it_again(fleet
     line = said(fleet, "taken before")
     assert (line["sender"], line["id"]) == ("hi", one.id)
     assert planning(fleet) == (1, "compSP")
-
-
-def test_a_recorded_communicate_of_another_does_nothing(fleet: Processes) -> None:
-    """With pl's key co does not let it onto hi's key; on pl's own it is a lie, counted and named."""
-    copy = recorded(fleet)
+    before = count(fleet, "taken before")
     own = DESIGN.key_of(SYSTEM, DESIGN.rules["pl", "co", "request", Performative.AGREE])
     with session(fleet, "pl", "co") as thief:
         for _ in range(3):
             thief.put(KEY, copy)
         thief.put(own, copy)
         wait_for(lambda: count(fleet, "forged") == 1, "what came behind the three is counted")
-    assert count(fleet, "taken before") == 0
+    assert count(fleet, "taken before") == before
     assert own in str(said(fleet, "forged"))
 
 
@@ -147,7 +159,7 @@ def test_who_is_denied_is_told_by_the_fleet(tmp_path: Path, monkeypatch: pytest.
         line = said(made, "unheard")
         assert line["level"] == "warning"
         assert "what co says to hi on C2 is not received" in str(line["why"])
-        assert "perhaps the rules of hi deny it" in words("co", one, one.since)
+        assert "perhaps the rules of hi deny it" in unheard_text("co", one, one.since)
         wait_for(lambda: "what co says to hi on C2 is not" in (made.run / LIVE_FILE).read_text(), "the recorder tells")
     finally:
         end(made)
@@ -160,15 +172,6 @@ def deny(rights: Path, prefix: str) -> None:
         if rule["id"].endswith(" brings words"):
             rule["key_exprs"] = [key for key in rule["key_exprs"] if not key.startswith(prefix)]
     rights.write_text(json.dumps(told))
-
-
-def test_nobody_hears_the_fleet_without_a_right(fleet: Processes) -> None:
-    """ta's key hears what co says to ta, and not what hi says to co."""
-    heard: list[zenoh.Sample] = []
-    with session(fleet, "ta", "co") as thief:
-        thief.declare_subscriber(KEY, heard.append)
-        recorded(fleet)
-    assert not heard
 
 
 def test_keys_that_are_made_anew_part_nobody(fleet: Processes) -> None:

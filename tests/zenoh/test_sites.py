@@ -14,10 +14,10 @@ from neighbours import KINDS, Cable, Pair
 from toy_fleet import wait_for
 
 from agent_runtime.io import issuing
-from agent_runtime.io.incoming import Token
 from agent_runtime.io.secured import client_tls, rights_of, router_tls
 from agent_runtime.io.sessions import client_config, free_endpoint, open_router
 from agent_runtime.io.tap import RECORDER, Sample
+from agent_runtime.io.zenoh_wire import Token
 from companion.design import DESIGN
 from operate.recording import mcap_file
 from operate.recording.records import Record, Spoken, Unpaired

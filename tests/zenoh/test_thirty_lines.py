@@ -192,7 +192,7 @@ def filled(folder: Path) -> int:
         for behind, more in parts:
             assert behind in after, behind
             after = after.replace(behind, behind + more)
-        after = after.replace(STUB, "").replace("from agent_runtime.core.declining import unfilled\n", "")
+        after = after.replace(STUB, "").replace("from agent_runtime.core.agent import unfilled\n", "")
         lines += sum(line.startswith("+ ") for line in difflib.ndiff(before.splitlines(), after.splitlines()))
         target.write_text(after)
     return lines

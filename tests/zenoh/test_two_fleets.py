@@ -22,7 +22,7 @@ from companion.tools.verbs.hi import Hi, address
 from operate.cli.fleet import starting
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
-from operate.recording import history
+from operate.recording.run import Run
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(900)]
 
@@ -112,7 +112,7 @@ def test_each_robot_does_what_it_was_told(site: Site) -> None:
     site.down()
     for name, (_, thing) in TOLD.items():
         run = site.folder / name
-        past = history.load(run, SYSTEM)
+        past = Run(run, SYSTEM).history
         assert past.said
         assert not [hole for hole in past.holes if hole.communicates], past.holes
         assert not past.garbage

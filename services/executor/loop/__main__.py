@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from agent_runtime.io.options import USAGE_ERROR
-from agent_runtime.io.pulse import Pulse, Turns
+from agent_runtime.io.process_heartbeat import ProcessHeartbeat, Turns
 from services.executor.loop.backends import SHORT, maker
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink
@@ -80,7 +80,7 @@ def main(
         typer.echo(f"loop: {error}", err=True)
         raise typer.Exit(FAILED if isinstance(error, NoRobotError) else USAGE_ERROR) from None
     # Before the priority, which their threads would inherit: the pulse, and the drivers of a back-end.
-    turns = Turns(Pulse(slots.parent, "loop"))
+    turns = Turns(ProcessHeartbeat(slots.parent, "loop"))
     if speed is Speed.REAL:
         rehearse(slots.parent, robot, partial(build, speed=Speed.MAX, realtime=False, settle_s=0.0))
     # Priority only where the loop rests between cycles: a process that never rests would starve the agents.

@@ -7,6 +7,7 @@ memory and turn.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -15,25 +16,24 @@ from agent_runtime.core.effects import Deed
 from agent_runtime.core.errors import AgentTableError
 from agent_runtime.core.events import Late, Local, Received
 from agent_runtime.core.turn import Turn
-from fipa_codec.languages import Kind
+from fipa_codec.errors import LocalProtocolError
+from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative
+from fipa_codec.tables import SEND
 
 M = TypeVar("M")
 Taken = Received | Local | Late
 
 
 def never(memory: Any) -> bool:
-    """A condition that never holds."""
     return False
 
 
 def always(memory: Any) -> bool:
-    """A condition that always holds."""
     return True
 
 
 def everything(memory: Any, event: Taken) -> bool:
-    """Takes whatever comes."""
     return True
 
 
@@ -67,9 +67,11 @@ class Rows(Protocol):
 
     def takes(self, state: str, use: str, act: Performative, kind: Kind) -> bool:
         """Whether a message is taken in this state."""
+        ...
 
     def why_not(self, deed: Deed) -> str:
-        """Return why a step does not fit the design, "" where it does."""
+        """Why a step does not fit the design; "" where it does."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,6 @@ class Agent(Generic[M]):
     parameters: Parameters | None = None
 
     def __post_init__(self) -> None:
-        """Raise AgentTableError where a state has no behaviour or a condition is not bound."""
         states = ", ".join(sorted(self.behaviours))
         if self.start not in self.behaviours:
             raise AgentTableError(self.name, f"start state {self.start!r} has no behaviour", f"states are {states}")
@@ -107,8 +108,48 @@ class Agent(Generic[M]):
                 raise AgentTableError(self.name, f"arc {arc} has an unbound condition", f"bound are {known}")
 
     def next_state(self, state: str, memory: M) -> str | None:
-        """Return the target of the first arc that may be taken, None if there is none."""
+        """The target of the first arc that may be taken; None if there is none."""
         for arc in self.arcs:
             if arc.source == state and (not arc.when or self.conditions[arc.when](memory)):
                 return arc.target
         return None
+
+
+# --- A behaviour that is not written yet ------------------------------------------------------------------------------
+# A skeleton made from a design runs with these functions: they refuse, with the reason, and keep the state. So every
+# question is answered, and no peer waits for a behaviour that is still to be written.
+
+
+NOES = (Performative.REFUSE, Performative.FAILURE, Performative.REJECT_PROPOSAL)
+"""Acts of refusal, mildest first; not-understood remains where a protocol or a design has none of them."""
+
+
+def decline(turn: Turn, why: str) -> Performative | None:
+    """Answer the message of this turn with the mildest refusal that protocol and design allow; return its performative.
+
+    None where nothing was taken, or where the message needs no answer.
+    """
+    event = turn.event
+    if not isinstance(event, Received) or not turn.holds(event.conversation):
+        return None
+    talk = turn.conversation(event.conversation)
+    for act in NOES:
+        kind = next((k for k in (Kind.PLAIN, Kind.CANCEL) if talk.table.find(talk.state, SEND, act, k)), None)
+        # With the reason, or without content where the design has none there.
+        for content in (Reason(why), None) if kind is not None else ():
+            with suppress(LocalProtocolError):
+                turn.say(talk.id, act, content, kind=kind)
+                return act
+    if not talk.table.allowed(talk.state, SEND):
+        return None
+    turn.say(talk.id, Performative.NOT_UNDERSTOOD, Reason(why))
+    return Performative.NOT_UNDERSTOOD
+
+
+def unfilled(memory: M, turn: Turn, behaviour: str) -> M:
+    """Decline the request of this turn and change nothing; stands in for the named behaviour, whose state stays."""
+    why = f"behaviour {behaviour} of {turn.me} is not filled in"
+    act = decline(turn, why)
+    if act is not None:
+        turn.log("declined", level="warning", performative=str(act), why=why)
+    return memory

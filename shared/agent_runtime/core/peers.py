@@ -108,7 +108,7 @@ class Peers:
         return [PeerChanged(agent, self.alive[agent], name)]
 
     def _name(self, agent: str) -> str | None:
-        """Return the journal's name that counts: the believed one, else the last; None where neither is known yet."""
+        """The journal's name that counts: the believed one, else the last; None where neither is known yet."""
         lives, believed = self._tokens.get(agent, {}), self._journal.get(agent)
         if believed in lives:
             return believed
@@ -117,7 +117,7 @@ class Peers:
 
     @property
     def look_at(self) -> float | None:
-        """Return the time at which to ask `gone` next."""
+        """When to ask `gone` next."""
         return min((*self._doubted.values(), *self._later.values()), default=None)
 
 
@@ -145,7 +145,7 @@ class Unheard(msgspec.Struct, frozen=True):
     since: float
 
 
-_WORDS = {
+_TEXTS = {
     "said": "what {agent} says to {peer} on {channel} is not received since {s:.0f} s",
     "pinged": "{agent} and {peer} do not hear each other on {channel} since {s:.0f} s",
     "asked": "what {agent} asks {peer} on {channel} is not answered since {s:.0f} s",
@@ -153,9 +153,9 @@ _WORDS = {
 WHY = "perhaps the rules of {peer} deny it, or {peer} hangs"
 
 
-def words(agent: str, one: Unheard, now: float) -> str:
-    """Return a sentence for people: sender, receiver, duration, possible cause."""
-    said = _WORDS[one.what].format(agent=agent, peer=one.peer, channel=one.channel, s=max(0.0, now - one.since))
+def unheard_text(agent: str, one: Unheard, now: float) -> str:
+    """A sentence for people: sender, receiver, duration, possible cause."""
+    said = _TEXTS[one.what].format(agent=agent, peer=one.peer, channel=one.channel, s=max(0.0, now - one.since))
     return f"{said}: {WHY.format(peer=one.peer)}"
 
 
@@ -192,7 +192,7 @@ class Watch:
         return fresh + [(one, False) for place, one in before.items() if place not in still]
 
     def _waiting(self, state: CoreState, unanswered: Set[tuple[str, bytes]]) -> Iterator[tuple[str, str, str, object]]:
-        """Return peer, channel, what, and the oldest waiting message of its kind."""
+        """Peer, channel, what, and the oldest waiting message of its kind."""
         for peer, channel in unanswered:
             yield peer, channel.decode(), "pinged", None
         for peer, sent in state.outbox.items():

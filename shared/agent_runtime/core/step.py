@@ -10,24 +10,19 @@ event; after each step carry the effects out in their order; while `effects.more
 Tick().
 """
 
-from typing import Generic, TypeVar
+from collections.abc import Sequence
+from typing import Any, Generic, TypeVar
 
 import msgspec
 from msgspec.structs import replace
 
 from agent_runtime.core import control, lineage, streams
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.choices import Choice, Choices, unended, wake_at, wake_key
 from agent_runtime.core.effects import Deed, Effects, Out
 from agent_runtime.core.errors import AgentTableError, BehaviourError
-from agent_runtime.core.events import (
-    AnyEvent,
-    Broken,
-    Late,
-    PeerChanged,
-    Woken,
-)
+from agent_runtime.core.events import AnyEvent, Arrived, Broken, Late, PeerChanged, Received, Woken
 from agent_runtime.core.reception import note
+from agent_runtime.core.sequence_check import Verdict, What, carry_out, judge
 from agent_runtime.core.state import (
     CoreState,
     Held,
@@ -39,10 +34,11 @@ from agent_runtime.core.state import (
     same_memory,
 )
 from agent_runtime.core.turn import Seen, Turn, conversation_of
-from agent_runtime.core.verdict import Verdict, What, carry_out
 from agent_runtime.core.wiring import Delivery, Wiring
 from fipa_codec.communicate import UNREADABLE
-from fipa_codec.tables import SEND
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import SEND, Role
 
 M = TypeVar("M")
 CHAIN_BOUND = 16
@@ -52,7 +48,115 @@ UNFIT = "kept value does not fit the design"
 KNOWN_DEEDS = 1024
 """Steps known to fit the design; estimate: an agent of the paper has some hundred different ones."""
 # Before Python 3.12 a member found by its class takes 0.1 us.
-_DURABLE, _TAKE = Delivery.DURABLE, What.TAKE
+_DURABLE, _TAKE, _INITIATOR, _COMPLAINT = Delivery.DURABLE, What.TAKE, Role.INITIATOR, Performative.NOT_UNDERSTOOD
+
+
+# --- Choice of the next event: from the inbox, wake-ups, late and lost conversations; and when to look again ----------
+
+
+LATE_AFTER = 0.001
+"""A message at reply-by itself is in time (SC00061G); look a millisecond later."""
+
+
+class Choice(msgspec.Struct, frozen=True):
+    """An event that can be taken: an entry of the inbox with its verdict, a late conversation, a wake-up's name, or the
+    key of a lost conversation.
+    """
+
+    waiting: Waiting | None = None
+    verdict: Verdict | None = None
+    late: Held | None = None
+    wake: str = ""
+    lost: str = ""
+
+
+class Choices:
+    """The choices of an agent. It has no state but a cache of look-ups in the design."""
+
+    def __init__(self, agent: Agent[Any]) -> None:
+        self.agent = agent
+        self._taken_in: dict[tuple[str, str, Performative, Kind], bool] = {}
+
+    def next(self, state: CoreState, now: float, waits: Sequence[Held] | None = None) -> Choice | None:
+        """What can be taken first; None for nothing. `waits`: what `unended` returned, where it is known."""
+        soft = state.soft
+        for key, one in state.lost.items():
+            if not one.told and key not in soft.held:
+                return Choice(lost=key)
+        if soft.inbox and (choice := self._find_waiting(state)) is not None:
+            return choice
+        if state.wakes:
+            due = [(at, name) for name, at in state.wakes.items() if at <= now and wake_key(name) not in soft.held]
+            if due:
+                return Choice(wake=min(due)[1])
+        takes = self.agent.behaviours[state.state].takes
+        for held in unended(state) if waits is None else waits:
+            over = held.reply_by is not None and now > held.reply_by and held.key not in soft.held
+            if over and takes(state.memory, Late(held.conversation.id)):
+                return Choice(late=held)
+        return None
+
+    def _find_waiting(self, state: CoreState) -> Choice | None:
+        """The first inbox entry that can be taken. Streams keep their order: an entry not taken blocks the rest."""
+        passed: set[str] = set()
+        takes = self.agent.behaviours[state.state].takes
+        for waiting in state.soft.inbox:
+            if waiting.held or (waiting.number and waiting.peer in passed):
+                if waiting.number:
+                    passed.add(waiting.peer)
+                continue
+            if not isinstance(waiting.event, Arrived):
+                if waiting.forced or takes(state.memory, waiting.event):
+                    return Choice(waiting)
+                continue
+            verdict = judge(state, waiting)
+            if verdict.what is not _TAKE:
+                return Choice(waiting, verdict)
+            communicate = waiting.event.communicate
+            if self._named(state, waiting, verdict) and takes(state.memory, Received(communicate, waiting.content)):
+                return Choice(waiting, verdict)
+            if waiting.number:
+                passed.add(waiting.peer)
+        return None
+
+    def _named(self, state: CoreState, waiting: Waiting, verdict: Verdict) -> bool:
+        """Whether a row of the state names this message; a complaint is always taken."""
+        rows, act = self.agent.rows, waiting.event.communicate.performative
+        if rows is None or act is _COMPLAINT:
+            return True
+        place = state.state, waiting.link.use, act, verdict.kind  # all of the design, so their number is bounded
+        taken = self._taken_in.get(place)
+        if taken is None:
+            taken = self._taken_in[place] = rows.takes(*place)
+        return taken
+
+
+def wake_at(state: CoreState, waits: Sequence[Held] | None, now: float) -> float | None:
+    """When the next Tick is wanted; times already past wait for a behaviour that takes them, or for room."""
+    soft, times = state.soft, []
+    if soft.up and soft.resend:
+        times += [at for at, _ in soft.resend.values()]
+    if soft.up and (soft.asks or soft.last):
+        times += [one.at for one in (*soft.asks.values(), *soft.last.values())]
+    if waits is not None:
+        times += [at for name, at in state.wakes.items() if wake_key(name) not in soft.held]
+        for held in waits:
+            if held.reply_by is not None and held.reply_by + LATE_AFTER > now:
+                times.append(held.reply_by + LATE_AFTER)
+    return min(times, default=None)
+
+
+def wake_key(name: str) -> str:
+    return f" {name}"  # no key of a conversation begins with a blank
+
+
+def unended(state: CoreState) -> list[Held]:
+    """Conversations in which this agent waits for an end, and whose Late event was not raised yet."""
+    both = (*state.conversations.values(), *state.soft.conversations.values())
+    return [held for held in both if not held.late and held.conversation.role is _INITIATOR]
+
+
+# --- The core ---------------------------------------------------------------------------------------------------------
 
 
 class Core(Generic[M]):
@@ -71,11 +175,11 @@ class Core(Generic[M]):
             raise AgentTableError(agent.name, f"its memory cannot be journalled: {error}", hint) from error
 
     def first(self, journal: str) -> bytes:
-        """Return the record that a new journal of this name begins with."""
+        """The record that a new journal of this name begins with."""
         return encode_record(fresh(self.agent, journal))
 
     def boot(self, record: bytes | None) -> CoreState:
-        """Return the start state of the next incarnation: the first memory, or the state in the journal's record."""
+        """The start state of the next incarnation: the first memory, or the state in the journal's record."""
         try:
             state = fresh(self.agent) if record is None else restored(self.agent, record)
         except UNREADABLE as error:
@@ -94,11 +198,13 @@ class Core(Generic[M]):
         return state
 
     def record(self, state: CoreState) -> bytes:
-        """Return the journal record of a state."""
         return encode_record(state)
 
     def step(self, state: CoreState, event: AnyEvent, now: float) -> tuple[CoreState, Effects]:
-        """Return state and effects; the given state is not changed. Raises BehaviourError, LocalProtocolError."""
+        """The state after it, and the effects; the given state is not changed.
+
+        Raises BehaviourError, LocalProtocolError.
+        """
         after, out = self.begin(state, event, now)
         return after, self.end(state, after, out, now)
 
@@ -110,26 +216,26 @@ class Core(Generic[M]):
         if not after.paused and after.journal == state.journal:
             after, out = self._take_one(after, out, now)
         self._check_owed(state, after)
-        durable = self._durable(state, after, out)
-        out.record = encode_record(after) if durable else None
+        if state.memory is not after.memory and not same_memory(state.memory, after.memory):
+            kept = encode_memory(after.memory)
+            out.durable = out.durable or kept != state.kept
+            after.kept = kept
+        out.record = encode_record(after) if out.durable or state.state != after.state else None
         return after, out
 
     def end(self, state: CoreState, after: CoreState, out: Out, now: float) -> Effects:
         """Run the rest, for which no peer waits: compare the step with the design, find the time of the next step."""
         deed = out.deed(state.state, after.state, tuple(after.due))
         if deed is not None and deed not in self._designed:
-            self._compare(after, out, deed)
+            why = self.agent.rows.why_not(deed) if self.agent.rows is not None else ""
+            if why:  # the proof of the design does not cover this step
+                after.count(OUTSIDE)
+                out.log(OUTSIDE, level="error", why=why)
+            elif len(self._designed) < KNOWN_DEEDS:
+                self._designed.add(deed)
         waits = None if after.paused else unended(after)
-        return out.sealed(self._choices.ready(after, waits, now), wake_at(after, waits, now), deed)
-
-    def _compare(self, state: CoreState, out: Out, deed: Deed) -> None:
-        """Log a step that does not fit the design: the proof of the design does not cover it."""
-        why = self.agent.rows.why_not(deed) if self.agent.rows is not None else ""
-        if why:
-            state.count(OUTSIDE)
-            out.log(OUTSIDE, level="error", why=why)
-        elif len(self._designed) < KNOWN_DEEDS:
-            self._designed.add(deed)
+        more = waits is not None and self._choices.next(after, now, waits) is not None
+        return out.sealed(more, wake_at(after, waits, now), deed)
 
     # --- taking one event ---------------------------------------------------------------------------------------------
 
@@ -144,7 +250,15 @@ class Core(Generic[M]):
             full = streams.overfull(state, after, choice.waiting.event if choice.waiting else None)
             if not full:
                 return after, said
-            _hold(state, out, choice, full)
+            if not state.soft.full:  # said once
+                state.count("outbox full")
+                out.log("outbox full", level="error", peer=full, bound=streams.OUTBOX_BOUND)
+            soft, held = state.soft, choice.waiting
+            soft.full = full
+            if held is not None:
+                soft.inbox = tuple(replace(one, held=True) if one is held else one for one in soft.inbox)
+            else:
+                soft.held |= {choice.lost or (wake_key(choice.wake) if choice.late is None else choice.late.key)}
         return state, out
 
     def _take(self, state: CoreState, out: Out, choice: Choice, now: float) -> None:
@@ -153,7 +267,11 @@ class Core(Generic[M]):
         elif choice.late is not None:
             self._take_late(state, out, choice.late, now)
         elif choice.lost:
-            self._take_lost(state, out, choice.lost, now)
+            lost = lineage.told(state, choice.lost)
+            out.durable = True
+            talk = lost.held.conversation
+            out.about = self.wiring.required(talk.peer, talk.protocol).use
+            self._run(state, out, Broken(talk.id, lost.why, talk.peer if lost.held.several else ""), now)
         else:
             del state.wakes[choice.wake]
             self._run(state, out, Woken(choice.wake), now)
@@ -182,13 +300,6 @@ class Core(Generic[M]):
             state.soft.asks.pop(name, None)
         out.about = self.wiring.required(held.conversation.peer, held.conversation.protocol).use
         self._run(state, out, Late(name, held.conversation.peer if held.several else ""), now)
-
-    def _take_lost(self, state: CoreState, out: Out, key: str, now: float) -> None:
-        lost = lineage.told(state, key)
-        out.durable = True
-        talk = lost.held.conversation
-        out.about = self.wiring.required(talk.peer, talk.protocol).use
-        self._run(state, out, Broken(talk.id, lost.why, talk.peer if lost.held.several else ""), now)
 
     # --- the behaviour ------------------------------------------------------------------------------------------------
 
@@ -224,7 +335,7 @@ class Core(Generic[M]):
         )
 
     def _check_owed(self, before: CoreState, state: CoreState) -> None:
-        """Raise where a word that the protocol demands in the same step was not said."""
+        """Raise where a message that the protocol demands in the same step was not said."""
         for was, now in (
             (before.conversations, state.conversations),
             (before.soft.conversations, state.soft.conversations),
@@ -235,25 +346,3 @@ class Core(Generic[M]):
                     wanted = ", ".join(row.word for row in talk.table.allowed(talk.state, SEND))
                     what = f"took a message in {talk.id} ({talk.protocol}, {talk.state}) and owes its answer"
                     raise BehaviourError(self.agent.name, state.state, what, f"say {wanted} in the same step")
-
-    # --- the record --------------------------------------------------------------------------------------
-
-    def _durable(self, before: CoreState, after: CoreState, out: Out) -> bool:
-        if before.memory is not after.memory and not same_memory(before.memory, after.memory):
-            kept = encode_memory(after.memory)
-            out.durable = out.durable or kept != before.kept
-            after.kept = kept
-        return out.durable or before.state != after.state
-
-
-def _hold(state: CoreState, out: Out, choice: Choice, full: str) -> None:
-    """Leave it where it is until an outbox has room again; say so once."""
-    if not state.soft.full:
-        state.count("outbox full")
-        out.log("outbox full", level="error", peer=full, bound=streams.OUTBOX_BOUND)
-    soft, one = state.soft, choice.waiting
-    soft.full = full
-    if one is not None:
-        soft.inbox = tuple(replace(other, held=True) if other is one else other for other in soft.inbox)
-    else:
-        soft.held |= {choice.lost or (wake_key(choice.wake) if choice.late is None else choice.late.key)}

@@ -1,10 +1,9 @@
-"""Durable numbered streams, latest-value observations, repeated questions: sending, keeping, receipts, re-
-sending.
+"""Durable numbered streams, latest-value observations, repeated questions: sending, keeping, receipts, sending again.
 
-One number per stream at the receiver, with digests of the newest words (recent), the unreceipted messages at the sender
-(words of another under its numbers: reception). Re-sent at once when the peer
-(re)appears, else after RESEND_FIRST, then after twice the wait up to RESEND_LAST, for ever: reply-by ends no re-
-sending. All functions change the forked state they are given and add to `out`; nothing here knows protocols' tables or
+The receiver keeps one number per stream, with digests of the newest messages (duplicate_digests); the sender keeps the
+unreceipted messages (messages of another under its numbers: reception). They are sent again at once when the peer
+(re)appears, else after RESEND_FIRST, then after twice the wait up to RESEND_LAST, for ever: reply-by does not end this.
+All functions change the forked state they are given and add to `out`; nothing here knows protocols' tables or
 behaviours.
 """
 
@@ -12,9 +11,9 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from agent_runtime.core.duplicate_digests import covered, receipt
 from agent_runtime.core.effects import Out
 from agent_runtime.core.events import Arrived, Receipted
-from agent_runtime.core.recent import covered, receipt
 from agent_runtime.core.state import Ask, CoreState, Due, Held, Outgoing, Version
 from agent_runtime.core.wiring import Delivery, Wiring
 from fipa_codec.communicate import Communicate, number_of
@@ -31,11 +30,9 @@ held more than 5."""
 ANSWERS_BOUND = 4 * OUTBOX_BOUND
 """Such messages at which others add nothing to them: slots kept for answers. A full outbox of openings, and three
 answers (agree, result, reply to a cancel) to each opening in the peer's. Messages of the peer itself may add as many
-again: one word in answer to each; a peer that says more floods."""
-
-
-LAST_WORDS = 64
-"""Unreceipted last words of volatile conversations; estimate: more subscriptions than an agent ends at once."""
+again: one in answer to each; a peer that says more floods."""
+LAST_MESSAGES = 64
+"""Unreceipted last messages of volatile conversations; estimate: more subscriptions than an agent ends at once."""
 
 
 def issue(state: CoreState, out: Out, communicate: Communicate, now: float) -> None:
@@ -54,9 +51,9 @@ def _named(state: CoreState, peer: str) -> bool:
     return peer in state.journals or not state.journal or peer in state.soft.peers
 
 
-def next_number(state: CoreState, peer: str) -> int:
-    """The number the next durable communicate to `peer` gets."""
-    return state.issued.get(peer, 0) + 1
+def next_id(state: CoreState, peer: str, durable: bool) -> str:
+    """The id of the next message to `peer`: its number in the stream, or a fresh name."""
+    return str(state.issued.get(peer, 0) + 1) if durable else state.name()
 
 
 def crowded(state: CoreState) -> bool:
@@ -65,7 +62,7 @@ def crowded(state: CoreState) -> bool:
 
 
 def overfull(before: CoreState, after: CoreState, event: Any) -> str:
-    """Return the peer whose outbox has no room for what a step said after `event`, "" where there is room.
+    """The peer whose outbox has no room for what a step said after `event`; "" where there is room.
 
     The end of a conversation is taken however full its peer's outbox is: otherwise two agents whose outboxes are full
     towards each other would wait for each other for ever.
@@ -77,15 +74,13 @@ def overfull(before: CoreState, after: CoreState, event: Any) -> str:
         old, own = len(before.outbox.get(peer, ())), said is not None and said.sender == peer
         if len(sent) == old or old < (OUTBOX_BOUND if said is None else 2 * ANSWERS_BOUND if own else ANSWERS_BOUND):
             continue
-        opening = any(_opens(before, one.communicate) for one in sent[old:])
+        opening = any(
+            one.performative in named(one.protocol).openings and before.held(one.conversation, one.receiver) is None
+            for one in (outgoing.communicate for outgoing in sent[old:])
+        )
         if (opening and not (own and ended)) or (old >= ANSWERS_BOUND and not ended):
             return peer
     return ""
-
-
-def _opens(before: CoreState, communicate: Communicate) -> bool:
-    opening = communicate.performative in named(communicate.protocol).openings
-    return opening and before.held(communicate.conversation, communicate.receiver) is None
 
 
 def release(state: CoreState) -> None:
@@ -134,7 +129,7 @@ def send_observation(state: CoreState, out: Out, wiring: Wiring, peer: str, subj
 
 
 def live_subscription(state: CoreState, peer: str) -> Held | None:
-    """Return the conversation in which `peer` is subscribed to this agent's observations."""
+    """The conversation in which `peer` is subscribed to this agent's observations."""
     for held in state.soft.conversations.values():
         talk = held.conversation
         if held.delivery is Delivery.LATEST and talk.role is Role.PARTICIPANT and talk.peer == peer:
@@ -143,12 +138,12 @@ def live_subscription(state: CoreState, peer: str) -> Held | None:
 
 
 def observation_id(subject: str, version: Version) -> str:
-    """Return the id of an observation on the wire: subject@incarnation.counter."""
+    """The id of an observation on the wire: subject@incarnation.counter."""
     return f"{subject}@{version[0]}.{version[1]}"
 
 
 def parse_observation(id: str) -> tuple[str, Version] | None:
-    """Return subject and version from an observation's id; None for other ids."""
+    """Subject and version from an observation's id; None for other ids."""
     subject, _, version = id.rpartition("@")
     first, _, second = version.partition(".")
     incarnation, counter = number_of(first), number_of(second)
@@ -157,13 +152,8 @@ def parse_observation(id: str) -> tuple[str, Version] | None:
     return subject, (incarnation, counter)
 
 
-def receipt_stream(state: CoreState, out: Out, peer: str) -> None:
-    """Tell `peer` how far its stream is journalled."""
-    out.receipts.append(receipt(state, peer))
-
-
 def settle(state: CoreState, out: Out, wiring: Wiring, event: Receipted, now: float) -> bool:
-    """Delete messages that a receipt covers. Return True where the last observation due to the peer was among them."""
+    """Delete messages that a receipt covers. Whether the last observation due to the peer was among them."""
     if event.subject and state.soft.last.pop(event.subject, None) is not None:
         return False
     peer, emptied, waited = event.peer, False, last_waits(state, event.peer)
@@ -198,21 +188,17 @@ def flush(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float, *, 
     """
     if state.outbox.get(peer) or state.due.get(peer) or peer in state.soft.untold:
         at, gap = state.soft.resend.get(peer, (0.0, 0.0))
-        fresh = not force and now - (at - gap) < RESEND_FIRST
+        last, fresh = at - gap, not force and now - (at - gap) < RESEND_FIRST
         if not fresh:
             resend(state, out, wiring, peer, now)
-        state.soft.resend[peer] = (_next_at(now, at - gap, fresh), RESEND_FIRST)
+        state.soft.resend[peer] = ((last if fresh else now) + RESEND_FIRST, RESEND_FIRST)
     for table in (state.soft.asks, state.soft.last):
         for name, one in list(table.items()):
             if one.communicate.receiver == peer:
-                fresh = not force and now - (one.at - one.gap) < RESEND_FIRST
+                last, fresh = one.at - one.gap, not force and now - (one.at - one.gap) < RESEND_FIRST
                 if not fresh:
                     send(state, out, one.communicate)
-                table[name] = Ask(one.communicate, _next_at(now, one.at - one.gap, fresh), RESEND_FIRST)
-
-
-def _next_at(now: float, last: float, fresh: bool) -> float:
-    return (last if fresh else now) + RESEND_FIRST
+                table[name] = Ask(one.communicate, (last if fresh else now) + RESEND_FIRST, RESEND_FIRST)
 
 
 def resend(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float) -> None:
@@ -232,21 +218,21 @@ def ask(state: CoreState, out: Out, communicate: Communicate, now: float) -> Non
 
 
 def say_last(state: CoreState, out: Out, communicate: Communicate, now: float) -> None:
-    """Send the last word of a volatile conversation in which nothing is asked any more, and say it until receipted.
+    """Send the last message of a volatile conversation in which nothing is asked any more, until it is receipted.
 
-    Of more than LAST_WORDS the oldest is given up.
+    Of more than LAST_MESSAGES the oldest is given up.
     """
     last = state.soft.last
-    if len(last) >= LAST_WORDS:
+    if len(last) >= LAST_MESSAGES:
         state.count("last word given up")
         del last[next(iter(last))]
     last[communicate.id] = Ask(communicate, now + RESEND_FIRST, RESEND_FIRST)
-    state.soft.over = (*state.soft.over[1 - LAST_WORDS :], (communicate.receiver, communicate.conversation))
+    state.soft.over = (*state.soft.over[1 - LAST_MESSAGES :], (communicate.receiver, communicate.conversation))
     send(state, out, communicate)
 
 
 def forget_last(state: CoreState, peer: str) -> None:
-    """Say no last words to a peer that is gone or has restarted: it knows nothing of those conversations."""
+    """Send no last messages to a peer that is gone or has restarted: it knows nothing of those conversations."""
     for name in [name for name, one in state.soft.last.items() if one.communicate.receiver == peer]:
         del state.soft.last[name]
     state.soft.over = tuple(one for one in state.soft.over if one[0] != peer)

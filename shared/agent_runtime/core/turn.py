@@ -126,9 +126,9 @@ class Turn(msgspec.Struct, eq=False):
         conversation is not open, LocalProtocolError where the protocol forbids it. In one that ended because the peer
         lost its journal nothing is sent.
         """
-        gone = self._state.lost and self._lost(conversation, to)
-        if gone:
-            return gone.conversation
+        lost = self._state.lost.get(conversation) or self._state.lost.get(f"{conversation} {to}")
+        if lost is not None and not self.holds(conversation, to):
+            return lost.held.conversation
         held = self._held(conversation, to)
         link = self._wiring.required(held.conversation.peer, held.conversation.protocol)
         reply_by = None if reply_by_s is None else self.now + reply_by_s
@@ -183,7 +183,7 @@ class Turn(msgspec.Struct, eq=False):
 
     @property
     def due(self) -> tuple[tuple[str, str], ...]:
-        """Return (subscriber, subject) of every unreceipted observation; the event Settled reports the last receipt."""
+        """(subscriber, subject) of every unreceipted observation; the event Settled reports the last receipt."""
         return tuple((peer, subject) for peer, due in self._state.due.items() for subject in due)
 
     # --- the own side -------------------------------------------------------------------------------------------------
@@ -197,7 +197,6 @@ class Turn(msgspec.Struct, eq=False):
         self._state.wakes[name] = at
 
     def unwake(self, name: str) -> None:
-        """Cancel a wake-up."""
         self._state.wakes.pop(name, None)
 
     def keep(self) -> None:
@@ -227,7 +226,6 @@ class Turn(msgspec.Struct, eq=False):
 
     @property
     def me(self) -> str:
-        """The agent's name."""
         return self._state.agent
 
     @property
@@ -237,7 +235,7 @@ class Turn(msgspec.Struct, eq=False):
 
     @property
     def peers(self) -> Mapping[str, int]:
-        """Return the incarnation of every peer that is known to be alive."""
+        """The incarnation of every peer that is known to be alive."""
         return self._state.soft.peers
 
     # ------------------------------------------------------------------------------------------------------------------
@@ -273,14 +271,13 @@ class Turn(msgspec.Struct, eq=False):
         kind: Kind | None = None,
         reply_by: float | None = None,
     ) -> Conversation:
-        durable = link.delivery is _DURABLE
         language, name = (None, "") if content is None else self._wiring.spoken(content)
         link.require_said(performative, name)
         if kind is None:
             kind = _PLAIN if language is None else language.kind(content)
         talk, communicate = held.conversation.send(
             performative,
-            id=str(streams.next_number(self._state, link.peer)) if durable else self._state.name(),
+            id=streams.next_id(self._state, link.peer, link.delivery is _DURABLE),
             now=self.now,
             content=None if language is None else language.encode(content, performative),
             language=link.silent if language is None else language.name,
@@ -301,17 +298,12 @@ class Turn(msgspec.Struct, eq=False):
             raise self._error(f"conversation {conversation!r} is not open", f"open are {known}; ask turn.holds() first")
         return held
 
-    def _lost(self, conversation: str, to: str) -> Held | None:
-        """Return the conversation if it is lost and no other of its name is open."""
-        lost = self._state.lost.get(conversation) or self._state.lost.get(f"{conversation} {to}")
-        return lost.held if lost is not None and not self.holds(conversation, to) else None
-
     def _error(self, what: str, hint: str) -> BehaviourError:
         return BehaviourError(self._state.agent, self._state.state, what, hint)
 
 
 def conversation_of(event: Seen | None) -> str:
-    """Return the conversation an event belongs to, "" where there is none."""
+    """The conversation an event belongs to; "" where there is none."""
     return event.conversation if isinstance(event, _OF_A_TALK) else ""
 
 

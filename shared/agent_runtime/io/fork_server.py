@@ -28,9 +28,8 @@ from typing import NoReturn
 import msgspec
 
 from agent_runtime.io.forked import FORKS, FORKS_VARIABLE, GO, NUMBER, Asked, short
-from agent_runtime.io.heartbeat import ready_file
-from agent_runtime.io.pulse import PERIOD_S, Pulse
-from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
+from agent_runtime.io.process_heartbeat import PERIOD_S, ProcessHeartbeat
+from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, ready_file
 
 MOST_BYTES, MOST_FILES = 1 << 20, 16  # of a request: an environment has some kB
 AT_THE_START = ("LD_", "PYTHON", "GLIBC_", "MALLOC_", "OMP_", "OPENBLAS_")
@@ -231,7 +230,7 @@ def rename(module: str, *arguments: str) -> None:
 def main(modules: Sequence[str]) -> Asked | None:
     """Import the modules and serve; one that cannot be imported is left to who needs it."""
     start, run_folder = at_the_start(os.environ), Path(os.environ[RUN_FOLDER_VARIABLE])  # imports may set some
-    pulse = Pulse(run_folder, FORKS)
+    pulse = ProcessHeartbeat(run_folder, FORKS)
     for module in modules:
         pulse.beat()
         try:

@@ -3,20 +3,94 @@
 Where there is no room for a new file it is written over the old one, since who stands still is killed.
 """
 
-import os
-from collections.abc import Mapping
+from collections import deque
 from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 
 from agent_runtime.core.control import Answer, Value
-from agent_runtime.core.inside import Inside
-from agent_runtime.core.peers import Peers, Unheard
+from agent_runtime.core.effects import Act, Deed
+from agent_runtime.core.events import Arrived
+from agent_runtime.core.peers import Unheard
 from agent_runtime.core.state import CoreState
-from agent_runtime.io import clock
 from agent_runtime.io.full_disk import overwrite
-from agent_runtime.io.run_files import heartbeat_file, write_whole
+from agent_runtime.io.run_files import heartbeat_file, ready_file, write_whole
+
+# --- Inside of an agent, for people who look into it: its inbox, open conversations, and last steps -------------------
+
+
+SHOWN = 16
+"""Most that is shown of each; estimate: a screen."""
+STEPS = 8
+"""Last steps that are kept; estimate."""
+
+
+class Waits(msgspec.Struct, frozen=True):
+    """An entry of the inbox. `what`: the act, or the event's class where it is not a communicate."""
+
+    what: str
+    peer: str = ""
+    protocol: str = ""
+
+
+class Talk(msgspec.Struct, frozen=True):
+    """An open conversation, as this agent sees it. `reply_by`: unix time [s], None: never."""
+
+    id: str
+    peer: str
+    protocol: str
+    role: str
+    state: str
+    reply_by: float | None = None
+
+
+class Did(msgspec.Struct, frozen=True):
+    """A step in the words of the design: what was taken, what was said, the states. `at`: unix time [s]."""
+
+    at: float
+    before: str
+    event: str
+    said: tuple[str, ...]
+    after: str
+
+
+class Inside(msgspec.Struct, frozen=True):
+    """`inbox`, `talks`: the first of `waiting` and `open`; `steps`: the last, oldest first."""
+
+    waiting: int
+    open: int
+    inbox: tuple[Waits, ...]
+    talks: tuple[Talk, ...]
+    steps: tuple[Did, ...]
+
+
+def looked_into(state: CoreState, steps: "deque[tuple[float, Deed]]") -> Inside:
+    """What an agent has at hand."""
+    held = (*state.conversations.values(), *state.soft.conversations.values())
+    waits, talks = [], []
+    for waiting in state.soft.inbox[:SHOWN]:
+        if isinstance(waiting.event, Arrived):
+            said = waiting.event.communicate
+            waits.append(Waits(said.performative.value, said.sender, said.protocol))
+        else:
+            waits.append(Waits(type(waiting.event).__name__, waiting.peer))
+    for one in held[:SHOWN]:
+        talk = one.conversation
+        talks.append(Talk(talk.id, talk.peer, talk.protocol, talk.role.value, str(talk.state), one.reply_by))
+    did = []
+    for at, deed in steps:
+        event = deed.event if deed.took is None else _act(deed.took)
+        did.append(Did(at, deed.before, event, tuple(map(_act, deed.said)), deed.after))
+    return Inside(len(state.soft.inbox), len(held), tuple(waits), tuple(talks), tuple(did))
+
+
+def _act(act: Act) -> str:
+    use, performative, kind = act
+    return f"{use} {performative}[{kind}]" if kind else f"{use} {performative}"
+
+
+# --- The heartbeat ----------------------------------------------------------------------------------------------------
 
 
 class Heartbeat(msgspec.Struct, frozen=True):
@@ -45,44 +119,6 @@ class Heartbeat(msgspec.Struct, frozen=True):
     answer: Answer = Answer()
     inside: Inside | None = None
     trouble: str = ""
-
-
-def now(
-    state: CoreState,
-    peers: Peers,
-    up: bool,
-    unheard: tuple[Unheard, ...],
-    dropped: Mapping[str, int],
-    ready: bool,
-    level: str,
-    trouble: str,
-) -> Heartbeat:
-    """Return what the agent is at now, but for what it has at hand."""
-    return Heartbeat(
-        agent=state.agent,
-        pid=os.getpid(),
-        incarnation=state.incarnation,
-        step=state.soft.step,
-        state=state.state,
-        ready=ready,
-        up=up,
-        peers=dict(peers.alive),
-        unreceipted={peer: len(sent) for peer, sent in state.outbox.items()},
-        due={peer: len(due) for peer, due in state.due.items()},
-        counts=state.counts | {f"dropped {kind}": count for kind, count in dropped.items()},
-        at=clock.now(),
-        unheard=unheard,
-        paused=state.paused,
-        level=level,
-        parameters=state.soft.parameters,
-        answer=state.soft.answer,
-        trouble=trouble,
-    )
-
-
-def ready_file(run: Path, agent: str) -> Path:
-    """Return the file that says that an agent is ready."""
-    return run / f"{agent}.ready"
 
 
 def write(run: Path, whole: Heartbeat, short: Heartbeat) -> None:

@@ -7,15 +7,19 @@ its keys from those with the old ones.
 """
 
 import datetime as dt
+import ipaddress
+import json
 import stat
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from cryptography import x509
-from cryptography.x509.oid import NameOID
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from agent_runtime.io import keys
 from agent_runtime.io.run_files import write_secret
 from agent_runtime.io.secured import (
     AUTHORITY,
@@ -33,6 +37,117 @@ from agent_runtime.io.secured import (
 )
 from topdown.model.design import Design
 from topdown.model.rights import access_control, common_names, links_control
+
+# --- Certificates: an authority and one for each identity, short-lived, renewed rather than revoked -------------------
+# The common name (CN) of a certificate is the identity that the router's rights name; only certificates of the
+# router and of agents name hosts. The authority's private key is never written: who needs one more certificate
+# makes all of them again. Elliptic keys (P-256, RFC 5480) because rustls, which Zenoh uses, takes them and a handshake
+# stays short.
+
+
+DAYS = 7.0
+"""Lifetime of certificates (a week: as long as a stolen one is of use)."""
+BACK = dt.timedelta(minutes=5)
+"""They hold from a little before now, for machines whose clocks differ (estimate)."""
+HOSTS = ("localhost", "127.0.0.1", "::1", "router", "wires")
+"""Names under which router and agents are reached: here, as the services of these names, and by the proxy for
+faults."""
+_SERVER, _CLIENT = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
+
+
+class Issuer(msgspec.Struct, frozen=True):
+    """An authority that signs until it is forgotten."""
+
+    name: str
+    key: ec.EllipticCurvePrivateKey
+    certificate: x509.Certificate
+
+
+def publish(folder: Path, issuer: Issuer, rights: Rights | None) -> None:
+    """Write the public parts: the authority's certificate and, where the router is, its rights."""
+    write_secret(folder / AUTHORITY, issuer.certificate.public_bytes(serialization.Encoding.PEM))
+    if rights is not None:
+        write_secret(folder / RIGHTS, json.dumps(msgspec.to_builtins(rights), indent=1).encode())
+
+
+def authority(name: str, begin: dt.datetime, end: dt.datetime) -> Issuer:
+    """A new authority that may sign certificates of identities, and no other authority."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    builder = _builder(name, name, key.public_key(), key.public_key(), begin, end)
+    builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+    return Issuer(name, key, builder.add_extension(_usage(certificates=True), critical=True).sign(key, hashes.SHA256()))
+
+
+def certify(
+    folder: Path,
+    issuer: Issuer,
+    identity: str,
+    begin: dt.datetime,
+    end: dt.datetime,
+    hosts: Sequence[str] = (),
+    *,
+    name: str = "",
+    joins: bool = False,
+) -> None:
+    """Write certificate and private key of an identity; with `hosts` it may listen there, else only connect.
+
+    `name`: the common name, where it is not the identity. `joins`: who listens may connect, too (agents).
+    """
+    key = ec.generate_private_key(ec.SECP256R1())
+    uses = ([_SERVER, _CLIENT] if joins else [_SERVER]) if hosts else [_CLIENT]
+    builder = _builder(name or identity, issuer.name, key.public_key(), issuer.key.public_key(), begin, end)
+    builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+    builder = builder.add_extension(_usage(certificates=False), critical=True)
+    builder = builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False)
+    if hosts:
+        builder = builder.add_extension(x509.SubjectAlternativeName([host(name) for name in hosts]), critical=False)
+    signed = builder.sign(issuer.key, hashes.SHA256())
+    write_secret(certificate_file(folder, identity), signed.public_bytes(serialization.Encoding.PEM))
+    private = key.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+    write_secret(key_file(folder, identity), private)
+
+
+def _builder(
+    subject: str, issuer: str, key: Any, issuers_key: Any, begin: dt.datetime, end: dt.datetime
+) -> x509.CertificateBuilder:
+    named = [x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)]) for name in (subject, issuer)]
+    own, signer = x509.SubjectKeyIdentifier, x509.AuthorityKeyIdentifier  # wanted by RFC 5280, 4.2.1.1 and 4.2.1.2
+    return (
+        x509.CertificateBuilder()
+        .subject_name(named[0])
+        .issuer_name(named[1])
+        .public_key(key)
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(begin - BACK)
+        .not_valid_after(end)
+        .add_extension(own.from_public_key(key), critical=False)
+        .add_extension(signer.from_issuer_public_key(issuers_key), critical=False)
+    )
+
+
+def host(name: str) -> x509.GeneralName:
+    """A host as certificates name it: an address or a name."""
+    try:
+        return x509.IPAddress(ipaddress.ip_address(name))
+    except ValueError:
+        return x509.DNSName(name)
+
+
+def _usage(*, certificates: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not certificates,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        key_cert_sign=certificates,
+        crl_sign=certificates,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
 
 OWNER_ONLY = 0o700
 
@@ -62,7 +177,7 @@ def seats(
     *,
     apart: bool = False,
 ) -> tuple[Seat, ...]:
-    """Return the folder of each certificate."""
+    """The folder of each certificate."""
     found = []
     for name, pairs in common_names(design, systems).items():
         identity, system = pairs[0]
@@ -76,8 +191,8 @@ def issue(
     design: Design,
     systems: Sequence[str],
     *,
-    days: float = keys.DAYS,
-    hosts: Sequence[str] = keys.HOSTS,
+    days: float = DAYS,
+    hosts: Sequence[str] = HOSTS,
     apart: bool = False,
     keep_days: float | None = None,
     now: dt.datetime | None = None,
@@ -86,24 +201,17 @@ def issue(
     begin = now or dt.datetime.now(dt.UTC)
     places = seats(folder, design, systems, apart=apart)
     rights = Rights(tuple(systems), access_control(design, *systems))
-    links = _links(design, systems)
+    links = {}  # each agent's rules for its neighbours, by its common name
+    for system in systems:
+        pairs = ((name, one) for name, ones in common_names(design, systems).items() for one in ones)
+        names = {who: name for name, (who, of) in pairs if of == system}
+        for agent in design.agents:
+            links[names[agent]] = Rights((system,), links_control(design, system, agent, names))
     until = None if keep_days is None else holding(places, rights, hosts, links)
     kept = until is not None and keep_days is not None and until >= begin + dt.timedelta(days=keep_days)
     if until is None or not kept:
         until = _make(folder, places, rights, begin, days, hosts, links)
     return Issued(str(folder), rights.systems, tuple(seat.name for seat in places), until, not kept)
-
-
-def _links(design: Design, systems: Sequence[str]) -> dict[str, Rights]:
-    """Return each agent's rules for its neighbours, by its common name."""
-    found = {}
-    for system in systems:
-        names = {
-            who: name for name, pairs in common_names(design, systems).items() for who, of in pairs if of == system
-        }
-        for agent in design.agents:
-            found[names[agent]] = Rights((system,), links_control(design, system, agent, names))
-    return found
 
 
 def _make(
@@ -116,7 +224,7 @@ def _make(
     links: dict[str, Rights],
 ) -> dt.datetime:
     end = begin + dt.timedelta(days=days)
-    issuer = keys.authority(f"{' '.join(rights.systems)} authority"[:64], begin, end)
+    issuer = authority(f"{' '.join(rights.systems)} authority"[:64], begin, end)
     routed = {seat.folder for seat in places if seat.identity == ROUTER}
     for where in (folder, *dict.fromkeys(seat.folder for seat in places)):
         where.mkdir(parents=True, exist_ok=True)
@@ -127,11 +235,11 @@ def _make(
         if routes or (seat.name in links and seat.folder not in routed):
             # The revoked keys are of an authority that was replaced.
             (seat.folder / REVOKED).unlink(missing_ok=True)
-        keys.publish(seat.folder, issuer, rights if routes else None)
+        publish(seat.folder, issuer, rights if routes else None)
         listening = hosts if routes or seat.name in links else ()
         if seat.name in links:
             write_secret(links_file(seat.folder, seat.identity), msgspec.json.encode(links[seat.name]))
-        keys.issue(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=seat.name in links)
+        certify(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=seat.name in links)
     return end
 
 
@@ -174,7 +282,7 @@ def holding(
             rules = links_file(seat.folder, seat.identity).read_bytes()
             same = same and rules == msgspec.json.encode(links[seat.name])
         (issuer,) = map(x509.load_pem_x509_certificate, authorities)
-        signed = all(_signed(one, issuer) and _named(one) == seat.name for seat, one in found)
+        signed = all(_signed(one, issuer) and _common_name(one) == seat.name for seat, one in found)
         identified = all(_identified(one) for one in (issuer, *(certificate for _, certificate in found)))
         listening = (one for seat, one in found if seat.identity == ROUTER or seat.name in links)
         listens = all(_listens(one, hosts) for one in listening)
@@ -195,6 +303,10 @@ def _certificate(file: Path) -> x509.Certificate:
     return x509.load_pem_x509_certificate(file.read_bytes())
 
 
+def _common_name(certificate: x509.Certificate) -> object:
+    return certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value
+
+
 def _signed(certificate: x509.Certificate, issuer: x509.Certificate) -> bool:
     try:
         certificate.verify_directly_issued_by(issuer)
@@ -208,13 +320,9 @@ def _identified(certificate: x509.Certificate) -> bool:
     return there >= {x509.SubjectKeyIdentifier, x509.AuthorityKeyIdentifier}
 
 
-def _named(certificate: x509.Certificate) -> object:
-    return certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value
-
-
 def _listens(certificate: x509.Certificate, hosts: Sequence[str]) -> bool:
     try:
         names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     except x509.ExtensionNotFound:  # it was made for one that only dials
         return False
-    return all(keys.host(name) in names for name in hosts)
+    return all(host(name) in names for name in hosts)

@@ -2,7 +2,7 @@
 
 Each record is the whole durable state, so the last one is the state. A torn tail (killed while writing) was neither
 receipted nor sent, hence it is cut off; a damaged record with whole ones behind it is not from a kill, and the file is
-refused (repair.py). At open, and whenever the file has grown past COMPACT_BYTES, it is rewritten with one record. A
+refused (`repair`). At open, and whenever the file has grown past COMPACT_BYTES, it is rewritten with one record. A
 write that fails leaves the file as it was before, whatever part of it came through. It knows bytes only, not what they
 mean.
 """
@@ -12,6 +12,7 @@ import os
 import secrets
 import struct
 import zlib
+from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +20,8 @@ from pathlib import Path
 import msgspec
 
 from agent_runtime.core.errors import JournalError
+from agent_runtime.core.lineage import begin_again
+from agent_runtime.core.state import Record
 from agent_runtime.io.run_files import opened
 
 # --- The bytes of a journal file: a first line with the format's version, then framed records. Knows no file ---------
@@ -54,12 +57,12 @@ def version(data: bytes) -> int | None:
 
 
 def frame(record: bytes) -> bytes:
-    """Return a record as it stands in the file."""
+    """A record as it stands in the file."""
     return HEAD.pack(MARK, len(record), zlib.crc32(record)) + record
 
 
 def records(data: bytes) -> Iterator[bytes]:
-    """Return all whole records up to the first that is not, oldest first; none of a file of another version."""
+    """All whole records up to the first that is not, oldest first; none of a file of another version."""
     at = len(MAGIC) if data.startswith(MAGIC) else len(data)
     while (record := _record(data, at)) is not None:
         yield record
@@ -67,11 +70,8 @@ def records(data: bytes) -> Iterator[bytes]:
 
 
 def last_record(data: bytes) -> bytes | None:
-    """Return the last whole record before anything damaged; None where there is none."""
-    last = None
-    for last in records(data):  # noqa: B007 - the last one is meant
-        pass
-    return last
+    """The last whole record before anything damaged; None where there is none."""
+    return next(iter(deque(records(data), maxlen=1)), None)
 
 
 def scan(data: bytes) -> Scan:
@@ -107,19 +107,17 @@ def _record(data: bytes, at: int) -> bytes | None:
 # --- The journal ------------------------------------------------------------------------------------------------------
 
 
-COMPACT_BYTES = (
-    64 * 1024 * 1024
-)  # estimate: some hundred records of a full world model; rewriting takes well under 0.1 s
+COMPACT_BYTES = 64 * 1024 * 1024
+"""Estimate: some hundred records of a full world model; rewriting takes well under 0.1 s."""
 NAME_BYTES = 6
 
 
 def new_name() -> str:
-    """Return a random name for a new journal; two alike are as good as impossible."""
+    """A random name for a new journal; two alike are as good as impossible."""
     return secrets.token_hex(NAME_BYTES)
 
 
 def journal_file(run: Path, agent: str) -> Path:
-    """Return the path of an agent's journal."""
     return run / "journal" / f"{agent}.journal"
 
 
@@ -225,3 +223,62 @@ def _write(fd: int, data: bytes) -> None:
     view = memoryview(data)
     while view:
         view = view[os.write(fd, view) :]
+
+
+# --- Repair: a damaged journal made usable again; its newest whole record is kept, and the damaged file beside it -----
+# What came after the newest whole record cannot be known, and peers may have heard of it: then the agent goes on with
+# that memory under another journal's name, so that its peers begin again with it (core.lineage).
+
+
+WHY = "this agent's journal was damaged, and what it knew of this conversation is not certain"
+
+
+class Repaired(msgspec.Struct, frozen=True):
+    """Result of a repair. `kept`: the journal's bytes as they were, "" where nothing was wrong. `lost`: in words."""
+
+    path: str
+    good: int
+    damaged: tuple[int, ...]
+    kept: str
+    lost: str
+
+
+def repair(path: Path) -> Repaired:
+    """Repair a journal. Raise JournalError where there is none, an agent holds it, or it is of another version."""
+    if not path.exists():
+        raise JournalError(path, "there is none", "look with `roco runs` which run folder is meant")
+    lock = locked(path)
+    try:
+        data = path.read_bytes()
+        found = looked_through(path, data) if data.startswith(NAME) else scan(data)
+        tail = len(data) - found.end
+        if not (found.damaged or tail):
+            return Repaired(str(path), found.good, (), "", "nothing: it is whole")
+        beside = free_name(path)
+        os.link(path, beside)
+        record, lost = _goes_on(found.last, tail)
+        os.close(put(path, record)[0])
+        return Repaired(str(path), found.good, found.damaged, str(beside), lost)
+    finally:
+        os.close(lock)
+
+
+def _goes_on(last: bytes | None, tail: int) -> tuple[bytes | None, str]:
+    """The record to go on from, and what is lost in words."""
+    if last is None:
+        return None, "everything: no record is whole, so the agent begins with an empty memory"
+    if not tail:
+        return last, "nothing: the newest record is whole, and each one is the agent's whole memory"
+    record = msgspec.msgpack.decode(last, type=Record)
+    peers = {held.conversation.peer for held in record.conversations.values()} | {*record.issued, *record.taken}
+    for peer in peers:
+        begin_again(record, peer, WHY)
+    record.journal = new_name()
+    what = f"what the agent did after its newest whole record ({tail} bytes behind it cannot be read)"
+    return msgspec.msgpack.encode(record), f"{what}; open conversations end: {len(record.lost)}"
+
+
+def free_name(path: Path) -> Path:
+    """A name beside the file that nothing has."""
+    names = (path.with_name(f"{path.name}.damaged{f'-{number}' if number else ''}") for number in range(1000))
+    return next(name for name in names if not name.exists())

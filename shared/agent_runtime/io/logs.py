@@ -9,7 +9,7 @@ import math
 import sys
 import time
 from collections.abc import Hashable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 from typing import Any, Generic, TextIO, TypeVar
@@ -66,22 +66,6 @@ class Repeats(Generic[K]):
 # --- Structured logs --------------------------------------------------------------------------------------------------
 
 
-@contextmanager
-def _without_rich() -> Iterator[None]:
-    """structlog loads rich, where it is there, for tracebacks in colour: 0.14 s of each service's start, never used."""
-    had = sys.modules.get("rich")
-    sys.modules["rich"] = None  # type: ignore[assignment]
-    try:
-        yield
-    finally:
-        del sys.modules["rich"]
-        if had is not None:
-            sys.modules["rich"] = had
-
-
-with _without_rich():
-    import structlog
-
 LEVELS = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
 
@@ -114,7 +98,7 @@ class Log:
             self._file = FileIO(file, "a")
         self._path, self._size = file, self._file.tell() if self._file is not None else 0
         self._repeats = Repeats[_Kind](("", "warning", "others"))
-        self._short = _wrapped(console or sys.stdout, _short, agent)
+        self._console = console or sys.stdout
 
     def show(self, level: str) -> None:
         """Set the least level that the console shows. Raises KeyError for an unknown one."""
@@ -146,10 +130,21 @@ class Log:
         for at, event, level, fields in lines:
             if LEVELS.get(level, logging.ERROR) >= self._least:
                 with suppress(OSError):  # a file, too, under a supervisor
-                    self._short.msg(event, t=at, level=level, **fields)
+                    self._console.write(self._short(at, event, level, fields) + "\n")  # one write: others have threads
+                    self._console.flush()
 
     def _line(self, at: float, event: str, level: str, fields: dict[str, Any]) -> bytes:
         return _encoder.encode({"agent": self._agent, "t": at, "level": level, **fields, "event": event}) + b"\n"
+
+    def _short(self, at: float, event: str, level: str, fields: dict[str, Any]) -> str:
+        """`12:00:01.123 ta   sent  inform to co  co-1-4`: time, agent, event, the rest as words."""
+        rest = " ".join(
+            f"{name}={value}" for name, value in fields.items() if name != "conversation" and value not in ("", None)
+        )
+        when = time.strftime("%H:%M:%S", time.localtime(at)) + f".{int(at % 1 * 1000):03d}"
+        mark = {"warning": "! ", "error": "!! "}.get(level, "")
+        parts = (when, f"{self._agent:<6}", f"{mark}{event}", rest, fields.get("conversation", ""))
+        return " ".join(part for part in parts if part)
 
     def _append(self, file: FileIO, data: bytes, count: int) -> None:
         if self._lost:
@@ -201,21 +196,3 @@ def _kind(line: _Line) -> _Kind:
 
 
 _encoder = msgspec.json.Encoder(enc_hook=str)
-
-
-def _wrapped(out: TextIO, renderer: Any, agent: str) -> Any:
-    logger = structlog.wrap_logger(
-        structlog.WriteLogger(out), processors=[renderer], wrapper_class=structlog.BoundLogger, context_class=dict
-    )
-    return logger.bind(agent=agent)
-
-
-def _short(_: Any, __: str, line: dict[str, Any]) -> str:
-    """`12:00:01.123 ta   sent  inform to co  co-1-4`: time, agent, event, the rest as words."""
-    at = float(line.pop("t"))
-    level, agent, event = line.pop("level"), line.pop("agent"), line.pop("event")
-    conversation = line.pop("conversation", "")
-    words = " ".join(f"{name}={value}" for name, value in line.items() if value not in ("", None))
-    clock = time.strftime("%H:%M:%S", time.localtime(at)) + f".{int(at % 1 * 1000):03d}"
-    mark = {"warning": "! ", "error": "!! "}.get(level, "")
-    return " ".join(part for part in (clock, f"{agent:<6}", f"{mark}{event}", words, conversation) if part)

@@ -34,7 +34,7 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     `systems`: of a router or recorder that serves several robots, else () and `system` alone. `speed`: "1"
     (simulated time is real time) or "max"; `seed`: varies poses and noise; `scene`: a scene's TOML file, None for the
     canonical one. `keys`: folder of keys (secured.py): sessions are encrypted and say who they are; None: they are not.
-    `replay`: a step log that an agent runs again instead of serving (step_replay.py).
+    `replay`: a step log that an agent runs again instead of serving (steplog.py).
     """
 
     connect: str = "tcp/127.0.0.1:7447"

@@ -10,7 +10,7 @@ import zenoh
 from agent_runtime.io.logs import Log
 from agent_runtime.io.one_reader import OneReaderEvent
 from agent_runtime.io.options import Options
-from agent_runtime.io.pulse import PERIOD_S, Pulse
+from agent_runtime.io.process_heartbeat import PERIOD_S, ProcessHeartbeat
 from agent_runtime.io.run_files import make_run
 from agent_runtime.io.secured import ROUTER, KeysError, age, granted, revoked, rights_of, router_tls
 from agent_runtime.io.sessions import close, open_router
@@ -31,7 +31,7 @@ def serve(options: Options) -> int:
     ended = OneReaderEvent()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
-    ready, pulse = run / f"{ROUTER}.ready", Pulse(run, ROUTER)
+    ready, pulse = run / f"{ROUTER}.ready", ProcessHeartbeat(run, ROUTER)
     try:
         while not ended.is_set():
             _listen(options, log, ready, pulse, ended)
@@ -45,7 +45,7 @@ def serve(options: Options) -> int:
     return 0
 
 
-def _listen(options: Options, log: Log, ready: Path, pulse: Pulse, ended: OneReaderEvent) -> None:
+def _listen(options: Options, log: Log, ready: Path, pulse: ProcessHeartbeat, ended: OneReaderEvent) -> None:
     """Be the router until the end is asked for, or other keys are there. Raises zenoh.ZError, KeysError."""
     keys = _awaited(options, pulse, ended)
     if ended.is_set():
@@ -70,7 +70,7 @@ def _tell_ready(ready: Path, options: Options) -> None:
             ready.write_text(_at(options))
 
 
-def _awaited(options: Options, pulse: Pulse, ended: OneReaderEvent) -> tuple[int, int] | None:
+def _awaited(options: Options, pulse: ProcessHeartbeat, ended: OneReaderEvent) -> tuple[int, int] | None:
     """The age of the keys, which may be in the making."""
     until = time.monotonic() + KEYS_S
     while options.keys is not None and _age(options) is None and time.monotonic() < until and not ended.wait(0.01):

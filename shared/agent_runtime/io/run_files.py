@@ -23,6 +23,11 @@ def heartbeat_file(run: Path, name: str) -> Path:
     return run / f"{name}.heartbeat.json"
 
 
+def ready_file(run: Path, name: str) -> Path:
+    """Return the file that says that a process is ready."""
+    return run / f"{name}.ready"
+
+
 def make_run(run: Path) -> None:
     """Make a run folder that other users cannot enter: TLS would hide nothing from who reads the recording.
 

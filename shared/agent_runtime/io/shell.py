@@ -1,14 +1,15 @@
 """The shell around the core: one loop thread that owns session, clock, journal and signals.
 
-One step at a time, on the loop's thread or on the one that heard (see floor): it steps the core and carries the effects
-out in the one order that keeps the promise: record synced, receipts, sends, words to the devices. Where the record
-cannot be written, the step has not happened, and its event waits (full_disk). Logs and step log, which nobody waits
-for, are written in the next pause. SIGTERM and SIGINT stop it between steps. An exception of the
-agent's own code ends the process with status 1: the journal is as before the step, and the supervisor restarts it.
+One step at a time, on the loop's thread or on the one that heard (see step_lock): it steps the core and carries the
+effects out in the one order that keeps the promise: record synced, receipts, sends, messages to the devices. Where the
+record cannot be written, the step has not happened, and its event waits (full_disk). Logs and step log, which nobody
+waits for, are written in the next pause. SIGTERM and SIGINT stop it between steps. An exception of the agent's own code
+ends the process with status 1: the journal is as before the step, and the supervisor restarts it.
 """
 
 import gc
 import heapq
+import os
 import signal
 import time
 import traceback
@@ -20,6 +21,7 @@ import msgspec
 import zenoh
 
 from agent_runtime.core.agent import Agent
+from agent_runtime.core.duplicate_digests import preceding
 from agent_runtime.core.effects import Deed, Out
 from agent_runtime.core.errors import JournalError, RuntimeFault
 from agent_runtime.core.events import (
@@ -32,46 +34,54 @@ from agent_runtime.core.events import (
     Started,
     Tick,
 )
-from agent_runtime.core.inside import STEPS, looked_into
-from agent_runtime.core.peers import Peers, Watch, words
-from agent_runtime.core.recent import preceding
+from agent_runtime.core.peers import Peers, Watch, unheard_text
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import Wiring
-from agent_runtime.io import clock, heartbeat, step_replay
+from agent_runtime.io import clock, heartbeat, steplog
 from agent_runtime.io.devices import Device, DeviceMaker, NoDevice
-from agent_runtime.io.diary import Diary
-from agent_runtime.io.floor import Failed, Floor
 from agent_runtime.io.full_disk import FullDisk
+from agent_runtime.io.heartbeat import STEPS, Heartbeat, looked_into
 from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.incoming import Bytes, OrderBytes, Ping, ReceiptBytes, Token, arrived, ordered, receipt
 from agent_runtime.io.journal import Journal, journal_file, new_name
-from agent_runtime.io.links import Joining, Links
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import Options
-from agent_runtime.io.run_files import make_run
+from agent_runtime.io.run_files import make_run, ready_file
 from agent_runtime.io.secured import KeysError
+from agent_runtime.io.sessions import Joining, Links
+from agent_runtime.io.step_lock import Failed, StepLock
+from agent_runtime.io.step_recorder import StepRecorder
 from agent_runtime.io.steplog import StepLog
-from agent_runtime.io.zenoh_wire import ZenohWire
+from agent_runtime.io.zenoh_wire import (
+    Bytes,
+    OrderBytes,
+    Ping,
+    ReceiptBytes,
+    Token,
+    ZenohWire,
+    arrived,
+    ordered,
+    receipt,
+)
 
-# --- The way of devices to their agent: what they post waits at the floor, what they publish goes onto the wire ------
+# --- The way of devices to their agent: what they post waits at the step lock, what they publish goes onto the wire --
 
 
 class Posted(msgspec.Struct, frozen=True):
-    """A device's word; `at` 0: now."""
+    """A device's message; `at` 0: now."""
 
     content: Any
     at: float
 
 
-class Desk:
+class DevicePort:
     """The outlet by which devices post and publish."""
 
-    def __init__(self, floor: Floor, wire: ZenohWire) -> None:
-        self._floor, self._wire = floor, wire
+    def __init__(self, lock: StepLock, wire: ZenohWire) -> None:
+        self._lock, self._wire = lock, wire
 
     def __call__(self, content: Any, delay_s: float = 0.0) -> None:
-        self._floor.post(Posted(content, clock.now() + delay_s if delay_s > 0.0 else 0.0))
+        self._lock.post(Posted(content, clock.now() + delay_s if delay_s > 0.0 else 0.0))
 
     def publish(self, kind: str, data: bytes) -> None:
         self._wire.publish(kind, data)
@@ -157,11 +167,11 @@ class Shell:
         self._show_level()
         self._wire: ZenohWire | None = None
         self._serving = False
-        self._diary = Diary(self.log, self._steps, wiring)
+        self._recorder = StepRecorder(self.log, self._steps, wiring)
         self._wake_at: float | None = None
         self._beat_at = self._quiet_at = 0.0
         self._steps_done: deque[tuple[float, Deed]] = deque(maxlen=STEPS)
-        self._floor = Floor(self._inbox, self._take, self._next_at)
+        self._step_lock = StepLock(self._inbox, self._take, self._next_at)
         self._floods = Floods(self.log)
 
     def _boot(self) -> CoreState:
@@ -170,31 +180,32 @@ class Shell:
         state = self._core.boot(before)
         self._journal.append(self._core.record(state))
         self._steps.boot(state.incarnation, before, clock.now())
-        heartbeat.ready_file(self._options.run_dir, self.name).unlink(missing_ok=True)
+        ready_file(self._options.run_dir, self.name).unlink(missing_ok=True)
         return state
 
     # --- the loop -----------------------------------------------------------------------------------------------------
 
     def run(self) -> int:
         """Serve until a signal comes. 0: stopped in order; 1: an error of the agent's own."""
+
+        def caught(number: int, _: object) -> None:
+            self._stop = Stop(number)
+            self._inbox.interrupt(self._stop)
+
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda caught, _: self._stop_caught(Stop(caught)))
+            signal.signal(number, caught)
         try:
             self._serve()
         except JournalError as error:
             self.log.write("begins again", level="error", why=str(error))
             return 1
         except Exception:
-            self._diary.write()
+            self._recorder.write()
             self.log.write("died", level="error", why=traceback.format_exc())
             return 1
         finally:
             self._close()
         return 0
-
-    def _stop_caught(self, stop: Stop) -> None:
-        self._stop = stop
-        self._inbox.interrupt(stop)
 
     def _serve(self) -> None:
         stopping: list[Stop] = []
@@ -204,13 +215,17 @@ class Shell:
             return
         state = self._state
         self._wire = ZenohWire(
-            session, self._core.wiring, state.incarnation, self._floor, state.journal, self._steps.path
+            session, self._core.wiring, state.incarnation, self._step_lock, state.journal, self._steps.path
         )
-        self._joining = Joining(self._options, self.name, self._wire.join, self._router_away)
+
+        def router_away(why: str) -> None:
+            self.log.write("no router", level="warning", at=self._options.connect, why=why)
+
+        self._joining = Joining(self._options, self.name, self._wire.join, router_away)
         self._wire.knows(self._state.journals)
         self._peers.links(True, clock.now())
         if self._maker is not None:
-            self._device = self._maker(Desk(self._floor, self._wire))
+            self._device = self._maker(DevicePort(self._step_lock, self._wire))
         first = self._state.incarnation == 1
         self.log.write("started", incarnation=self._state.incarnation, state=self._state.state, first=first)
         self._happen(Started(first))
@@ -220,10 +235,10 @@ class Shell:
         gc.collect()
         gc.freeze()
         gc.set_threshold(COLLECT_AFTER)
-        self._floor.open()
+        self._step_lock.open()
         while True:
-            item = self._inbox.get(self._floor.until - clock.now())
-            with self._floor.held():
+            item = self._inbox.get(self._step_lock.until - clock.now())
+            with self._step_lock.held():
                 if isinstance(item, Stop):
                     self.log.write("stopping", signal=item.signal)
                     return
@@ -232,7 +247,7 @@ class Shell:
                 if self._disk.events:
                     self._disk.wait_for_room(self._happen, self._beat, lambda: self._stop is not None)
                 if item is not None:
-                    self._floor.step(item)
+                    self._step_lock.step(item)
                 self._on_time()
 
     def _session(self, stop_came: Callable[[], bool]) -> zenoh.Session | None:
@@ -268,9 +283,6 @@ class Shell:
         for lost_or_back in self._peers.links(up, clock.now()):
             self._changed(lost_or_back)
 
-    def _router_away(self, why: str) -> None:
-        self.log.write("no router", level="warning", at=self._options.connect, why=why)
-
     def _stop_came(self, stopping: list[Stop]) -> bool:
         """Whether a signal came while it does not listen yet; asked for each try."""
         if self._beat_at <= clock.now():
@@ -289,14 +301,14 @@ class Shell:
         for other in (self._wake_at, self._peers.look_at, self._later[0][0] if self._later else None):
             if other is not None and other < at:
                 at = other
-        return min(at, self._quiet_at) if self._diary.pending else at
+        return min(at, self._quiet_at) if self._recorder.pending else at
 
     def _on_time(self) -> None:
         if self._disk.events:
             return
         now = clock.now()
         if self._quiet_at <= now:
-            self._diary.write()
+            self._recorder.write()
         for gone in self._peers.gone(now):
             self._changed(gone)
         while self._later and self._later[0][0] <= now:
@@ -307,20 +319,16 @@ class Shell:
             self._beat_at = now + HEARTBEAT_S
             self._link_again()
             self._ping_all()
-            self._listen_back(now)
+            for one, still in self._unheard.look(self._state, self._unanswered, self._peers, now):
+                why, level = (unheard_text(self.name, one, now), "warning") if still else ("heard again", "info")
+                self.log.write("unheard", level=level, peer=one.peer, channel=one.channel, what=one.what, why=why)
             self._floods.look(self._inbox.dropped, full=self._steps.full)
             self._beat()
 
-    def _listen_back(self, now: float) -> None:
-        """Check the outcome of what was sent; report changes."""
-        for one, still in self._unheard.look(self._state, self._unanswered, self._peers, now):
-            why, level = (words(self.name, one, now), "warning") if still else ("heard again", "info")
-            self.log.write("unheard", level=level, peer=one.peer, channel=one.channel, what=one.what, why=why)
-
     def _close(self) -> None:
-        self._floor.close()
+        self._step_lock.close()
         self._serving = False
-        self._diary.write()
+        self._recorder.write()
         self._device.close()
         if self._joining is not None:
             self._joining.close()
@@ -328,7 +336,7 @@ class Shell:
             self._wire.close()
         self._journal.close()
         self._steps.close()
-        heartbeat.ready_file(self._options.run_dir, self.name).unlink(missing_ok=True)
+        ready_file(self._options.run_dir, self.name).unlink(missing_ok=True)
         self.log.write("stopped")
         self.log.close()
 
@@ -383,7 +391,7 @@ class Shell:
             self._state = after
             if effects.deed is not None:
                 self._steps_done.append((now, effects.deed))
-            self._diary.note(following, now, after, effects, sizes)
+            self._recorder.note(following, now, after, effects, sizes)
             self._wake_at = effects.wake_at
             if after.settings is not before.settings:
                 self._show_level()
@@ -393,8 +401,8 @@ class Shell:
             self._quiet_at = now + QUIET_S
             if after.journal != before.journal:
                 raise JournalError(self._journal.path, "its end was lost", "the agent goes on under another name of it")
-        if self._diary.full or not self._serving:
-            self._diary.write()
+        if self._recorder.full or not self._serving:
+            self._recorder.write()
 
     def _recorded(self, record: bytes) -> bool:
         """Write the record of a step. Return False where the disk does not take it."""
@@ -440,12 +448,30 @@ class Shell:
 
     def _beat(self) -> None:
         """Say what the agent is at: file, key, and once it is ready the file that says so."""
-        trouble, level = self._disk.why or self._diary.trouble, self._state.now_set.level or self._options.log_level
+        trouble, level = self._disk.why or self._recorder.trouble, self._state.now_set.level or self._options.log_level
         up, ready = self._wire is not None and self._wire.at_router, not self._unanswered
-        beat = heartbeat.now(
-            self._state, self._peers, up, self._unheard.now, self._inbox.dropped, ready, level, trouble
+        state = self._state
+        beat = Heartbeat(
+            agent=state.agent,
+            pid=os.getpid(),
+            incarnation=state.incarnation,
+            step=state.soft.step,
+            state=state.state,
+            ready=ready,
+            up=up,
+            peers=dict(self._peers.alive),
+            unreceipted={peer: len(sent) for peer, sent in state.outbox.items()},
+            due={peer: len(due) for peer, due in state.due.items()},
+            counts=state.counts | {f"dropped {kind}": count for kind, count in self._inbox.dropped.items()},
+            at=clock.now(),
+            unheard=self._unheard.now,
+            paused=state.paused,
+            level=level,
+            parameters=state.soft.parameters,
+            answer=state.soft.answer,
+            trouble=trouble,
         )
-        whole = msgspec.structs.replace(beat, inside=looked_into(self._state, self._steps_done))
+        whole = msgspec.structs.replace(beat, inside=looked_into(state, self._steps_done))
         heartbeat.write(self._options.run_dir, whole, beat)
         if self._wire is not None:
             self._wire.publish("state", msgspec.json.encode(beat))
@@ -474,7 +500,7 @@ def run(
     With `options.replay` it does not serve: its steps are run again, and how that went is printed.
     """
     if options.replay is not None:
-        return step_replay.tell(agent, wiring, options.replay)
+        return steplog.tell(agent, wiring, options.replay)
     log = Log(agent.name, options.log_level)
     try:
         shell = _made(lambda: Shell(agent, wiring, options, device), FullDisk(log), options)

@@ -9,8 +9,11 @@ line is ignored.
 
 import hashlib
 import struct
+import sys
+import threading
+import time
 import zlib
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Annotated, Any
@@ -18,12 +21,15 @@ from typing import IO, Annotated, Any
 import msgspec
 
 from agent_runtime.core import events
-from agent_runtime.core.effects import Deed, Effects
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.effects import Deed, Effects, Receipt
 from agent_runtime.core.errors import StepLogError
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
+from agent_runtime.core.wiring import Wiring
 from agent_runtime.io.full_disk import worded
 from fipa_codec.communicate import UNREADABLE, Communicate, encode
+from fipa_codec.errors import FipaError
 
 HEAD = struct.Struct("<I")
 BULK = struct.Struct("<II")
@@ -37,7 +43,7 @@ NOTHING = msgspec.Raw()
 """The end mark of a line whose input is whole."""
 
 
-class Said(msgspec.Struct, frozen=True, array_like=True):
+class SentMessage(msgspec.Struct, frozen=True, array_like=True):
     """A communicate that a step said: without its content, unless its receiver keeps no log.
 
     `size`: of the whole communicate [bytes]; `check`: CRC-32 of the content, 0 without one.
@@ -68,7 +74,7 @@ class Step(msgspec.Struct, frozen=True, array_like=True):
     apart: Annotated[int, msgspec.Meta(ge=0)] = 0
     took: str = ""
     parents: tuple[tuple[str, str], ...] = ()
-    said: tuple[Said, ...] | None = None
+    said: tuple[SentMessage, ...] | None = None
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=repr)
@@ -80,7 +86,7 @@ def fingerprint(effects: Effects) -> bytes:
 
     It is to tell two runs apart, not to withstand anybody: of much a checksum (a fifth of the time) and the length do.
     """
-    parted = [_parted(one) for one in effects.sends]
+    parted = [_without_content(one) for one in effects.sends]
     sends = [(one, len(content), zlib.crc32(content)) if content else one for one, content in parted]
     data = _encoder.encode((effects.record, effects.receipts, sends, effects.tells))
     if len(data) > MUCH_BYTES:
@@ -105,30 +111,28 @@ def noted(
     """
     content, took = NOTHING, "" if seen is None else f"{seen.sender} {seen.id}"
     if isinstance(event, events.Arrived):
-        bare, content = _parted(event.communicate)
+        bare, content = _without_content(event.communicate)
         event = msgspec.structs.replace(event, communicate=bare)
     kind, data = type(event).__name__, _encoder.encode(event)
     hashed = fingerprint(effects)
     sizes = [len(encode(one)) for one in effects.sends] if sizes is None else sizes
-    said = tuple(_said(one, size, without_log) for one, size in zip(effects.sends, sizes, strict=True))
+    said = []
+    for one, size in zip(effects.sends, sizes, strict=True):
+        bare, check = checked(one)
+        said.append(SentMessage(one if one.receiver in without_log else bare, size, check))
     return Step(
-        incarnation, step, at, kind, data, hashed, effects.deed, len(content), took, effects.parents, said
+        incarnation, step, at, kind, data, hashed, effects.deed, len(content), took, effects.parents, tuple(said)
     ), content
 
 
-def _said(one: Communicate, size: int, without_log: Container[str]) -> Said:
-    bare, check = checked(one)
-    return Said(one if one.receiver in without_log else bare, size, check)
-
-
 def checked(one: Communicate) -> tuple[Communicate, int]:
-    """Return a communicate without its content, and the CRC-32 of that; 0 without one."""
+    """A communicate without its content, and the CRC-32 of that; 0 without one."""
     if one.content is msgspec.UNSET:
         return one, 0
     return msgspec.structs.replace(one, content=msgspec.UNSET), zlib.crc32(one.content)
 
 
-def _parted(communicate: Communicate) -> tuple[Communicate, msgspec.Raw]:
+def _without_content(communicate: Communicate) -> tuple[Communicate, msgspec.Raw]:
     """Without its content, and that, where it is much: who asks next waits for each copy. Else itself, and nothing."""
     content = communicate.content
     if content is msgspec.UNSET or len(content) <= MUCH_BYTES:
@@ -320,3 +324,222 @@ def _event(core: Core[Any], step: Step) -> events.AnyEvent:
 
 class _RawLocal(msgspec.Struct, tag="Local"):
     content: msgspec.Raw
+
+
+# --- Sender of a step log to a recorder on another host, for as long as that asks for it ------------------------------
+# The recorder says how much of the log it has, again and again; from there on the sender puts what is in the file, in
+# parts, and what is added to it. So whatever was lost on the way, or was written while no recorder was there, is sent
+# once more. A thread of its own: nothing waits for it. It rests, without a thread, while nobody asks.
+
+
+LOG_PART, LOG_WANTED = "steps", "want"
+"""Kinds of signals: a part of a log, and that one is wanted."""
+OFFSET = struct.Struct("<Q")
+"""A place in a log [bytes]: before a part of it; alone, where the recorder has the log up to there."""
+PART_BYTES = 256 * 1024
+"""Of a part (estimate: 2 ms of a network of 1 Gbit/s)."""
+PAUSE_S = 0.1
+"""Between two looks at the file (estimate: people see no delay)."""
+SENDER_LEASE_S = 5.0
+"""So long is sent after it was asked for; five times the recorder's pause between two askings."""
+
+
+class LogSender:
+    """`put` gets each part; it may block."""
+
+    def __init__(self, path: Path, put: Callable[[bytes], None]) -> None:
+        self._path, self._put = path, put
+        self._lock = threading.Lock()
+        self._at = self._asked = -1
+        self._until = 0.0
+        self._thread: threading.Thread | None = None
+        self._over = threading.Event()
+
+    def wanted(self, data: bytes) -> None:
+        """A recorder has so much of it. From Zenoh's threads; never blocks. What is no offset is ignored."""
+        if len(data) != OFFSET.size:
+            return
+        (there,) = OFFSET.unpack(data)
+        with self._lock:
+            self._until = time.monotonic() + SENDER_LEASE_S
+            if there > self._at or there == self._asked:  # it has more, or got nothing since it asked before
+                self._at = there
+            self._asked = there
+            if self._thread is None and not self._over.is_set():
+                self._at = there
+                self._thread = threading.Thread(target=self._send, name="log sender", daemon=True)
+                self._thread.start()
+
+    def close(self) -> None:
+        """Send no more."""
+        self._over.set()
+        with self._lock:
+            thread = self._thread
+        if thread is not None:
+            thread.join(PAUSE_S)  # a put may hang where its cable is cut; the process ends all the same
+
+    def _send(self) -> None:
+        while not self._over.is_set():
+            with self._lock:
+                if time.monotonic() > self._until:
+                    self._thread = None
+                    return
+                at = self._at
+            with self._path.open("rb") as file:
+                file.seek(at)
+                part = file.read(PART_BYTES)
+            if not part:
+                self._over.wait(PAUSE_S)
+                continue
+            self._put(OFFSET.pack(at) + part)
+            with self._lock:
+                if self._at == at:
+                    self._at = at + len(part)
+
+
+# --- An agent run again from its step log, offline: whether each step puts out the bytes that it put out then ---------
+# A process of the agent does this instead of serving (`--replay LOG`): it runs the code that the fleet runs, without a
+# router, devices or a clock. What devices said is in the log.
+
+
+DIGEST_BYTES = 16
+
+
+class Put(msgspec.Struct, frozen=True):
+    """Output of a step run now. `sends`: as on the wire; `tells`: the words to the devices, as they are hashed."""
+
+    record: bytes | None
+    receipts: tuple[Receipt, ...]
+    sends: tuple[bytes, ...]
+    tells: bytes
+    deed: Deed | None
+
+
+class Parted(msgspec.Struct, frozen=True):
+    """The first step that puts out something else than what the log says.
+
+    `output`: the hash in the log; `deed`: what was done then. `before`: the journal record that was written last before
+    it. `now` None: the step could not be run, and `error` says why.
+    """
+
+    incarnation: int
+    step: int
+    at: float
+    kind: str
+    output: bytes
+    deed: Deed | None
+    before: bytes
+    now: Put | None
+    error: str = ""
+
+
+class SentAgain(msgspec.Struct, frozen=True):
+    """A communicate that a step put out: which step, to whom, its id, and what tells its bytes from any other."""
+
+    incarnation: int
+    step: int
+    at: float
+    kind: str
+    receiver: str
+    id: str
+    digest: bytes
+
+
+class Again(msgspec.Struct, frozen=True):
+    """An agent's lives, run again up to the first difference (`parted`; None: there is none). `said`: copies too."""
+
+    agent: str
+    lives: int
+    steps: int
+    said: tuple[SentAgain, ...]
+    parted: Parted | None
+
+
+def digest(wire: bytes) -> bytes:
+    """What tells a communicate on the wire from any other."""
+    return hashlib.blake2b(wire, digest_size=DIGEST_BYTES).digest()
+
+
+def again(core: Core[Any], path: Path) -> Again:
+    """Run all lives in a log up to the first step that differs."""
+    at, lives, count, before = Step(0, 0, 0.0, BOOT, b""), 0, 0, b""
+    said: list[SentAgain] = []
+
+    def whole() -> Iterator[Step]:
+        nonlocal at, lives, before
+        for step in read(path):
+            was, at = at, step
+            if step.kind == BOOT:
+                lives += 1
+                before = core.record(booted(core, step.input))
+            elif (step.incarnation, step.step) != (was.incarnation, was.step + 1):
+                raise ValueError(f"the log goes on with step {step.step} of life {step.incarnation}; steps are missing")
+            yield step
+
+    def parted(now: Put | None, error: str = "") -> Again:
+        difference = Parted(at.incarnation, at.step, at.at, at.kind, at.output, at.deed, before, now, error)
+        return Again(core.agent.name, lives, count, tuple(said), difference)
+
+    try:
+        for step, effects in replay(core, whole()):
+            sends = tuple(encode(one) for one in effects.sends)
+            if fingerprint(effects) != step.output:
+                tells = _encoder.encode(effects.tells)
+                return parted(Put(effects.record, effects.receipts, sends, tells, effects.deed))
+            count += 1
+            said += [
+                SentAgain(step.incarnation, step.step, step.at, step.kind, one.receiver, one.id, digest(wire))
+                for one, wire in zip(effects.sends, sends, strict=True)
+            ]
+            before = before if effects.record is None else effects.record
+    except Exception as error:  # any mistake of the agent's own code is the difference that is looked for
+        return parted(None, str(error) or type(error).__name__)
+    return Again(core.agent.name, lives, count, tuple(said), None)
+
+
+def tell(agent: Agent[Any], wiring: Wiring, path: Path) -> int:
+    """Print an `Again` in MessagePack; return the exit status."""
+    sys.stdout.buffer.write(msgspec.msgpack.encode(again(Core(agent, wiring), path)))
+    sys.stdout.flush()
+    return 0
+
+
+# --- Step logs of agents that do not run: of a recording that is said again, and of tests -----------------------------
+
+
+class StepLogs:
+    """The logs of a run folder, AGENT.steps in its folder steps; each line is in its file at once."""
+
+    def __init__(self, run: Path) -> None:
+        self._folder = run / "steps"
+
+    def passed(self, one: Communicate, at: float) -> None:
+        """Its sender said it at `sent`, and its receiver took it at `at` [unix s]."""
+        self.said(one, one.sent or at)
+        self.took(one, at)
+
+    def said(self, one: Communicate, at: float) -> None:
+        """Its sender said it."""
+        bare, check = checked(one)
+        with suppress(FipaError):
+            self._note(one.sender, at, events.Next(), (SentMessage(bare, len(encode(one)), check),))
+
+    def took(self, one: Communicate, at: float) -> None:
+        """Its receiver took it."""
+        self._note(one.receiver, at, events.Arrived(one))
+
+    def garbled(self, key: str, why: str, at: float) -> None:
+        """Bytes came on a key that were no communicate."""
+        self._note(key.split("/")[4], at, events.Garbled(key, why))
+
+    def boots(self, agent: str, incarnation: int, at: float) -> None:
+        """A life of an agent begins."""
+        self._write(agent, Step(incarnation, 0, at, BOOT, b""))
+
+    def _note(self, agent: str, at: float, event: events.AnyEvent, said: tuple[SentMessage, ...] = ()) -> None:
+        self._write(agent, Step(1, 0, at, type(event).__name__, msgspec.msgpack.encode(event), said=said))
+
+    def _write(self, agent: str, step: Step) -> None:
+        log = StepLog(self._folder / f"{agent}.steps")
+        log.write([(step, NOTHING)])
+        log.close()

@@ -15,15 +15,101 @@ from typing import Any, Protocol
 import msgspec
 import zenoh
 
-from agent_runtime.core.control import KIND
+from agent_runtime.core.control import KIND, Command
+from agent_runtime.core.duplicate_digests import receipted
 from agent_runtime.core.effects import Receipt
+from agent_runtime.core.events import AnyEvent, Arrived, Garbled, Ordered
 from agent_runtime.core.wiring import Delivery, Wiring, life, parse_life, service_key
 from agent_runtime.io.inbox import Class
-from agent_runtime.io.incoming import NAMELESS, Bytes, OrderBytes, Ping, ReceiptBytes, Token
-from agent_runtime.io.log_sender import KIND as LOG
-from agent_runtime.io.log_sender import WANTED, LogSender
 from agent_runtime.io.sessions import close, put
-from fipa_codec.communicate import Communicate, encode, number_of
+from agent_runtime.io.steplog import LOG_PART, LOG_WANTED, LogSender
+from fipa_codec.communicate import UNREADABLE, Communicate, decode, encode, number_of
+from fipa_codec.errors import MalformedError
+
+# --- Samples that an agent hears, as they came off the wire: nothing is decoded yet -----------------------------------
+
+
+NAMELESS = ("", "")
+"""Names of journals where none are said."""
+
+
+class Bytes(msgspec.Struct, frozen=True):
+    """A communicate as it came off the wire, not decoded yet; `address`: what its key says of it.
+
+    That is sender, receiver, protocol and performative. `journals`, `after`, `heard`: see Arrived.
+    """
+
+    key: str
+    address: tuple[str, ...]
+    data: bytes
+    journals: tuple[str, str] = NAMELESS
+    after: bytes = b""
+    heard: int = 0
+
+
+class ReceiptBytes(msgspec.Struct, frozen=True):
+    """A receipt of `peer` as it came."""
+
+    peer: str
+    data: bytes
+    journals: tuple[str, str] = NAMELESS
+
+
+class OrderBytes(msgspec.Struct, frozen=True):
+    """An order of the operator as it came."""
+
+    data: bytes
+
+
+class Ping(msgspec.Struct, frozen=True):
+    """`peer` asks whether we are there (answer with a pong), or (`pong`) answers."""
+
+    peer: str
+    channel: bytes
+    pong: bool
+
+
+class Token(msgspec.Struct, frozen=True):
+    """The liveliness token of an agent's incarnation appeared or vanished."""
+
+    agent: str
+    incarnation: int
+    alive: bool
+    journal: str = ""
+
+
+# --- From bytes of the wire to events of the core; what cannot be read, or says what its key does not, is Garbled
+
+
+def ordered(data: bytes) -> AnyEvent:
+    """The order in what came, if it is one."""
+    try:
+        return Ordered(msgspec.msgpack.decode(data, type=Command))
+    except UNREADABLE as error:
+        return Garbled("order", str(error))
+
+
+def arrived(item: Bytes) -> AnyEvent:
+    """The communicate in what came, if it is one and says what its key says (the router's rights go by the key)."""
+    try:
+        communicate = decode(item.data)
+    except MalformedError as error:
+        return Garbled(item.key, str(error))
+    one = communicate
+    says = (one.sender, one.receiver, one.protocol, one.performative)
+    if item.address != says:
+        return Garbled(item.key, f"the communicate says {'/'.join(says)}", forged=True)
+    return Arrived(communicate, *item.journals, item.after, item.heard)
+
+
+def receipt(item: ReceiptBytes) -> AnyEvent:
+    """The receipt in what came, if it is one."""
+    try:
+        one = msgspec.msgpack.decode(item.data, type=Receipt)
+    except UNREADABLE as error:
+        return Garbled(f"receipt of {item.peer}", str(error))
+    return receipted(item.peer, one, *item.journals)
+
 
 BULK_BYTES = 16 * 1024
 """Volatile content from here on goes at low priority, so that it delays nobody else (estimate)."""
@@ -42,7 +128,7 @@ _BLOCK = zenoh.CongestionControl.BLOCK
 
 
 class Entrance(Protocol):
-    """The place in which the wire leaves samples: an Inbox, or the Floor before one."""
+    """The place in which the wire leaves samples: an Inbox, or the StepLock before one."""
 
     def put(self, kind: Class, item: Any, sender: str = "", size: int = 0) -> object:
         """Take it, or keep it, or drop it; must not wait. `sender` "": the own side."""
@@ -117,7 +203,7 @@ class ZenohWire:
         self._tools = session  # before a recorder can ask for the log
         self._orders = [
             session.declare_subscriber(service_key(system, KIND, "*", me), self._on_order),
-            session.declare_subscriber(service_key(system, WANTED, "*", me), self._on_wanted),
+            session.declare_subscriber(service_key(system, LOG_WANTED, "*", me), self._on_wanted),
             session.liveliness().declare_token(self._life),
             *(one for group in sorted(self._wiring.groups) for one in self._heard(session, {group}, group)),
         ]
@@ -203,19 +289,19 @@ class ZenohWire:
     def _put_log(self, data: bytes) -> None:
         """Put a part of the log, behind everything else."""
         if self._tools is not None and not self._tools.is_closed():
-            key = service_key(self._wiring.system, LOG, self._wiring.agent)
+            key = service_key(self._wiring.system, LOG_PART, self._wiring.agent)
             put(self._tools, key, data, priority=zenoh.Priority.BACKGROUND, congestion_control=_BLOCK)
 
     # --- in: on Zenoh's threads ---------------------------------------------------------------------------------------
 
     def _on_communicate(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
-        kind, told, kept = self._known.get(key) or self._told(key)
+        kind, address, kept = self._known.get(key) or self._read_key(key)
         attached = _attachment(sample) if kept else NOTHING
         data = sample.payload.to_bytes()
-        self._inbox.put(kind, Bytes(key, told, data, *attached), told[0], len(data))
+        self._inbox.put(kind, Bytes(key, address, data, *attached), address[0], len(data))
 
-    def _told(self, key: str) -> tuple[Class, tuple[str, ...], bool]:
+    def _read_key(self, key: str) -> tuple[Class, tuple[str, ...], bool]:
         """Return the parts of a key, cached up to a bound, since strangers may make up keys without end."""
         chunks = key.split("/")
         link = self._wiring.link(chunks[3], chunks[5])

@@ -1,7 +1,7 @@
 """One agent by itself, for tests: its peers' words go in, what it says comes out, and time is pretended.
 
 The peers hold real conversations, so whatever the agent says out of sequence raises; they receipt at once and never say
-anything by themselves. A whole fleet in memory is agent_runtime.testing.wires.
+anything by themselves. A whole fleet in memory is agent_runtime.testing.memory_bus.
 """
 
 from typing import Any

@@ -46,7 +46,7 @@ class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True,
         return tuple(name for field in THINGS if (name := getattr(self, field, "")))
 
     def settled(self, plan: hfsm.HierarchicalPlan) -> hfsm.Task | None:
-        """Return the task that later plans are for, where this plan settled what the words mean; None for the same."""
+        """The task that later plans are for, where this plan settled what the words mean; None for the same."""
         return None
 
 

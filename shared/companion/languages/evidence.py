@@ -23,7 +23,7 @@ class AnyClaim(StrEnum):
     kept: bool
 
     def __new__(cls, value: str, kept: bool = True) -> Self:
-        """Return the claim."""
+        """The claim."""
         claim = str.__new__(cls, value)
         claim._value_, claim.kept = value, kept
         return claim
@@ -92,7 +92,7 @@ class Evidence(msgspec.Struct, frozen=True, array_like=True):
 
 
 def newest(known: Iterable[Evidence], told: Iterable[Evidence], held: Iterable[str]) -> tuple[Evidence, ...]:
-    """Return what is known after an act that `told` this, and after which hands hold the things `held`.
+    """What is known after an act that `told` this, and after which hands hold the things `held`.
 
     A thing that is held stands nowhere, and one that is not held any more is in no hand.
     """
@@ -103,12 +103,12 @@ def newest(known: Iterable[Evidence], told: Iterable[Evidence], held: Iterable[s
 
 
 def unchecked(known: Iterable[Evidence]) -> tuple[Evidence, ...]:
-    """Return the claims that no sense has told."""
+    """The claims that no sense has told."""
     return tuple(one for one in known if not one.by)
 
 
 def fitting(known: Iterable[Evidence], room: int) -> tuple[Evidence, ...]:
-    """Return as much of it as fits into so many bytes, what was not checked first, then what is newest."""
+    """As much of it as fits into so many bytes, what was not checked first, then what is newest."""
     told: list[Evidence] = []
     for one in sorted(known, key=lambda one: (bool(one.by), -one.at)):
         if (room := room - len(msgspec.msgpack.encode(one))) < 0:

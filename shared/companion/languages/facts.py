@@ -26,7 +26,7 @@ class AnyKind(StrEnum):
     asks: bool
 
     def __new__(cls, value: str, parts: str = "", asks: bool = False) -> Self:
-        """Return the kind with its parts."""
+        """The kind with its parts."""
         kind = str.__new__(cls, value)
         kind._value_, kind.parts, kind.asks = value, tuple(parts.split()), asks
         return kind
@@ -223,7 +223,7 @@ Facts = tuple[Fact, ...]
 
 
 def fact(kind: AnyKind, *parts: Any) -> Fact:
-    """Return a fact from the parts of its kind, in their order. Raises ValueError for others.
+    """A fact from the parts of its kind, in their order. Raises ValueError for others.
 
     Parts are str, Side, float and, as reasons, Fact or Facts.
     """
@@ -261,7 +261,7 @@ _BECAUSE_BYTES = len(msgspec.msgpack.encode("because")) + 3
 
 
 def _name(word: object) -> str:
-    """Return a word as it can be read (Of): a person may have used other letters, and blanks."""
+    """A word as it can be read (Of): a person may have used other letters, and blanks."""
     return re.sub(r"[^!-~]", "_", str(word))[:64]
 
 
@@ -273,7 +273,7 @@ def with_reasons(facts: Facts) -> Iterator[Fact]:
 
 
 def fitting(facts: Facts, room: int) -> Facts:
-    """Return the first facts, as many as fit into so many bytes; the last one with as many of its reasons."""
+    """The first facts, as many as fit into so many bytes; the last one with as many of its reasons."""
     told: list[Fact] = []
     for one in facts:
         if (left := room - len(msgspec.msgpack.encode(one))) < 0:
@@ -287,5 +287,5 @@ def fitting(facts: Facts, room: int) -> Facts:
 
 
 def different(facts: Facts) -> Facts:
-    """Return the facts, each of them once."""
+    """The facts, each of them once."""
     return tuple(dict.fromkeys(facts))

@@ -125,7 +125,7 @@ def acts(machine: Machine) -> Iterator[AnyAct]:
 
 
 def step_of(state: State) -> Step | None:
-    """Return what a state below the root does; None for one that is no step of a plan, such as its end."""
+    """What a state below the root does; None for one that is no step of a plan, such as its end."""
     match state:
         case Machine(step=step):
             return step

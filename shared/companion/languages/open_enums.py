@@ -11,7 +11,7 @@ E = TypeVar("E", bound=StrEnum)
 
 @cache
 def members(base: type[E]) -> dict[str, E]:
-    """Return the members of all enumerations made from `base`, by value. Raises ValueError if two have the same one."""
+    """The members of all enumerations made from `base`, by value. Raises ValueError if two have the same one."""
     parts("done")
     found: dict[str, E] = {}
     for one in (one for table in base.__subclasses__() for one in table.__members__.values()):
@@ -22,7 +22,7 @@ def members(base: type[E]) -> dict[str, E]:
 
 
 def member(base: type[E], value: str) -> E:
-    """Return the member with this value. Raises ValueError if there is none."""
+    """The member with this value. Raises ValueError if there is none."""
     found: E | None = members(base).get(value)
     if found is None:
         raise ValueError(f"unknown {base.__name__} {value!r}")

@@ -1,17 +1,13 @@
 """Which grasps of a thing can be reached where it stands, and the primitive step that takes it by one of them."""
 
-import numpy as np
-
-from companion.handles import HANDLE
 from companion.languages import hfsm, rc, wm
-from companion.languages.facts import Fact, Kind, fact
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
-from companion.models import LYING
+from companion.models import HANDLE, LYING
 from companion.planning.methods import fallen
 from companion.planning.situation import Situation, configured, on_wire
 from companion.planning.steps import CLOSE_S, Geometry, Step, approach_points, free_speed, horizontal, move
 from velma.kinematics.frames import transform
-from velma.kinematics.motion import Motion
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
 from velma.kinematics.tasks.speeds import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
 
@@ -24,7 +20,7 @@ TORSO = {"side": (-0.7, 0.7), "rim_two_inside": (-1.0, 1.0), "rim_one_inside": (
 def take(
     geometry: Geometry, state: str, name: str, side: Side, *number: str, only: frozenset[str] | None = None
 ) -> Step | None:
-    """Return the step that grasps an object where it stands and pulls it out; the hand must be empty.
+    """The step that grasps an object where it stands and pulls it out; the hand must be empty.
 
     `number`: of the try, each of which may choose another grasp. `only`: of these grasps, if any.
     """
@@ -38,8 +34,34 @@ def take(
     if reached is None:
         geometry.failed(fact(Kind.NO_WAY_TO, side, name))
         return None
-    index, way = reached
-    return _taking(geometry, here, side, target, found[index], way)
+    approach, way = found[reached[0]], reached[1]
+    query = wm.GraspDefinition(state=here.state, object=name, grasp=approach.grasp)
+    grasp = geometry.ask(query, wm.Grasps).grasps[0]
+    close = rc.Grasp(
+        key="",
+        side=side,
+        object=name,
+        grasp=grasp.id,
+        approach=approach_points(approach.steps),
+        squeeze=grasp.squeeze,
+        speed=grasp.speed,
+        mass=geometry.model(here.state, name).mass,
+    )
+    x, y, z = (float(v) for v in target.out * target.distance)
+    segments = (rc.Segment((0.0, 0.0, LIFT_M), LIFT_SPEED), rc.Segment((x, y, z), LOADED_SPEED))
+    pull = rc.MoveCartesian(key="", side=side, segments=segments)
+    changes = (
+        wm.Grasped(object=name, side=side, grasp=grasp.id, pose=on_wire(approach.steps[-1][0].inverse())),
+        *configured(side, approach.way_out[-1], grasp.closed),
+    )
+    duration = (
+        way.duration
+        + geometry.duration(approach.way_in, APPROACH_SPEED)
+        + CLOSE_S
+        + geometry.duration(approach.way_out, LOADED_SPEED)
+    )
+    commands = (move(side, way, free_speed(here), approach.steps[0][1]), close, pull)
+    return Step(hfsm.Step("take", (name,)), commands, changes, duration)
 
 
 def reachable(geometry: Geometry, state: str, name: str, side: Side) -> bool:
@@ -67,94 +89,42 @@ def _approaches(
     number: tuple[str, ...],
     wanted: int,
 ) -> list[Approach]:
-    """Return solved grasps; none, with the reason noted, if there are none."""
-    if beyond := out_of_reach(target, known[0].kind):
-        geometry.failed(beyond)
+    """Solved grasps; none, with the reason noted, if there are none."""
+    kind, how = known[0].kind, fallen(target.name, target.pose)
+    if kind == HANDLE:
+        geometry.failed(fact(Kind.PERSON_NEEDED, fact(Kind.HANGS_ON_A_HINGE, target.name)))
+        return []
+    if target.pose.translation[2] < FLOOR_M:
+        geometry.failed(fact(Kind.ON_THE_FLOOR, target.name))
+        return []
+    if how and kind != LYING:
+        geometry.failed(fact(Kind.PERSON_NEEDED, how))
         return []
     found = approaches(
         geometry.robot, here.world, side, here.q, target, ways(known),
-        geometry.rng("take", target.name, side, *number), torso=TORSO.get(known[0].kind, ANY_TORSO), wanted=wanted,
+        geometry.rng("take", target.name, side, *number), torso=TORSO.get(kind, ANY_TORSO), wanted=wanted,
     )  # fmt: skip
     if not found:
-        how = fallen(target.name, target.pose)
         geometry.failed(fact(Kind.NO_GRASP, side, target.name, (how,) if how else ()))
     return found
 
 
-def out_of_reach(target: Target, kind: str) -> Fact | None:
-    """Return why no grasp of this kind fits the thing where it is; None where one may."""
-    if kind == HANDLE:
-        return fact(Kind.PERSON_NEEDED, fact(Kind.HANGS_ON_A_HINGE, target.name))
-    if target.pose.translation[2] < FLOOR_M:
-        return fact(Kind.ON_THE_FLOOR, target.name)
-    how = fallen(target.name, target.pose) if kind != LYING else None
-    return fact(Kind.PERSON_NEEDED, how) if how else None
-
-
 def preferred(geometry: Geometry, state: str, name: str) -> list[wm.GraspDef]:
-    """Return the known grasps of an object of the same kind as its first one."""
+    """The known grasps of an object of the same kind as its first one."""
     known = geometry.ask(wm.GraspSet(state=state, object=name), wm.Grasps).grasps
     return [g for g in known if g.kind == known[0].kind]
 
 
 def ways(known: list[wm.GraspDef]) -> list[GraspWay]:
-    """Return grasps of WM as those of velma.kinematics."""
+    """Grasps of WM as those of velma.kinematics."""
     return [GraspWay(g.id, tuple((transform(s.pose), s.fingers) for s in g.steps)) for g in known]
 
 
 def _target(geometry: Geometry, state: str, name: str, distance: float) -> Target:
+    """An object as it is grasped. It leaves its place out of the opening of what it is in; else towards the robot."""
     pose, model = geometry.pose(state, name), geometry.model(state, name)
-    return Target(name, pose, model.symmetric, out_of(geometry, state, name), distance)
-
-
-def out_of(geometry: Geometry, state: str, name: str) -> np.ndarray:
-    """Return the horizontal unit direction (3,) in which the object leaves its place.
-
-    Out of the opening of what it is in; else towards the robot.
-    """
     if geometry.facts.inside(state, name):
-        return geometry.outwards(state, geometry.facts.support(state, name))
-    return horizontal(-geometry.pose(state, name).translation)
-
-
-def _taking(geometry: Geometry, here: Situation, side: Side, target: Target, approach: Approach, way: Motion) -> Step:
-    """Return the step of a solved grasp; `way` leads to its start."""
-    query = wm.GraspDefinition(state=here.state, object=target.name, grasp=approach.grasp)
-    grasp = geometry.ask(query, wm.Grasps).grasps[0]
-    changes = (
-        wm.Grasped(object=target.name, side=side, grasp=grasp.id, pose=on_wire(approach.steps[-1][0].inverse())),
-        *configured(side, approach.way_out[-1], grasp.closed),
-    )
-    speed = free_speed(here)
-    commands = (
-        move(side, way, speed, approach.steps[0][1]),
-        _grasping(side, target.name, approach, grasp, geometry.model(here.state, target.name).mass),
-        _pulling(side, target),
-    )
-    duration = (
-        way.duration
-        + geometry.duration(approach.way_in, APPROACH_SPEED)
-        + CLOSE_S
-        + geometry.duration(approach.way_out, LOADED_SPEED)
-    )
-    return Step(hfsm.Step("take", (target.name,)), commands, changes, duration)
-
-
-def _grasping(side: Side, name: str, approach: Approach, grasp: wm.GraspDef, mass: float) -> rc.Grasp:
-    return rc.Grasp(
-        key="",
-        side=side,
-        object=name,
-        grasp=grasp.id,
-        approach=approach_points(approach.steps),
-        squeeze=grasp.squeeze,
-        speed=grasp.speed,
-        mass=mass,
-    )
-
-
-def _pulling(side: Side, target: Target) -> rc.MoveCartesian:
-    """Return the motion up and out."""
-    x, y, z = (float(v) for v in target.out * target.distance)
-    lift = rc.Segment((0.0, 0.0, LIFT_M), LIFT_SPEED)
-    return rc.MoveCartesian(key="", side=side, segments=(lift, rc.Segment((x, y, z), LOADED_SPEED)))
+        out = geometry.outwards(state, geometry.facts.support(state, name))
+    else:
+        out = horizontal(-pose.translation)
+    return Target(name, pose, model.symmetric, out, distance)

@@ -5,8 +5,9 @@ not apply; it raises Unanswered if km does not know a fact. Must not know: geome
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -15,9 +16,50 @@ from companion.languages import wm
 from companion.languages.cmd import BACK
 from companion.languages.facts import Fact, Facts, Kind, fact
 from companion.languages.values import Side
-from companion.planning.asking import Asking
 from velma import names
 from velma.kinematics.frames import lies, transform, upside_down
+
+A = TypeVar("A", bound=wm.Answer)
+
+
+class Unanswered(Exception):
+    """km cannot answer, so this branch of the search ends."""
+
+    def __init__(self, query: wm.AnyQuery, why: Facts) -> None:
+        self.query, self.why = query, why
+        super().__init__(f"{type(query).__name__}: {', '.join(one.kind for one in why)}")
+
+
+class Asking:
+    """Asks each query once (an answer is a pure function of query and state) and counts the queries."""
+
+    def __init__(self, ask: Callable[[wm.AnyQuery], wm.AnyAnswer], request: str) -> None:
+        self._ask, self.request = ask, request
+        self._known: dict[wm.AnyQuery, wm.AnyAnswer] = {}
+        self._states: dict[tuple[str, tuple[wm.AnyChange, ...]], str] = {}
+        self.queries = 0
+
+    def __call__(self, query: wm.AnyQuery, kind: type[A]) -> A:
+        """The answer of class `kind`. Raises Unanswered for Unknown or any other class."""
+        if query not in self._known:
+            self.queries += 1
+            self._known[query] = self._ask(query)
+        answer = self._known[query]
+        if isinstance(answer, kind):
+            return answer
+        unknown = (fact(Kind.UNKNOWN_TO_KM, type(query).__name__),)
+        raise Unanswered(query, answer.why if isinstance(answer, wm.Unknown) else unknown)
+
+    def suppose(self, state: str, changes: tuple[wm.AnyChange, ...]) -> str:
+        """Have km make a hypothetical state, `state` with these changes, once; return its id. Raise Unanswered."""
+        if (state, changes) not in self._states:
+            name = f"{self.request}/{len(self._states) + 1}"
+            self._states[state, changes] = self(wm.HypotheticalState(state=state, id=name, changes=changes), wm.Made).id
+        return self._states[state, changes]
+
+
+# --- What methods of tasks decide by: facts of a state at km, and the notes why something is not done -----------------
+
 
 # --- The facts that methods of the domain need of a state at km: what is held, what stands where, what was seen ------
 
@@ -34,11 +76,11 @@ class StateFacts:
         self._ask = ask
 
     def holder(self, state: str, name: str) -> Side | None:
-        """Return the hand that holds the thing, None for none."""
+        """The hand that holds the thing, None for none."""
         return self._ask(wm.CurrentGrasp(state=state, object=name), wm.GraspOf).side
 
     def in_hand(self, state: str, side: Side) -> str:
-        """Return the thing in this hand, "" if empty."""
+        """The thing in this hand, "" if empty."""
         return self._ask(wm.GraspAtSide(state=state, side=side), wm.GraspOf).object
 
     def at_home(self, state: str, side: Side) -> bool:
@@ -47,11 +89,11 @@ class StateFacts:
         return bool(np.abs(np.array(arm) - names.START[names.ARM[side]]).max() < HOME_WITHIN)
 
     def support(self, state: str, name: str) -> str:
-        """Return the thing that this one stands on, "" if none is known."""
+        """The thing that this one stands on, "" if none is known."""
         return self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).on
 
     def places(self, state: str, word: str) -> tuple[str, ...]:
-        """Return the furniture of this id or class: "table" is any table."""
+        """The furniture of this id or class: "table" is any table."""
         found = self._ask(wm.StaticObjects(state=state), wm.Objects).objects
         kind = word.capitalize()
         return tuple(
@@ -59,16 +101,16 @@ class StateFacts:
         )
 
     def moveable(self, state: str) -> tuple[str, ...]:
-        """Return all things that can be taken."""
+        """All things that can be taken."""
         return tuple(one.id for one in self._ask(wm.MoveableObjects(state=state), wm.Objects).objects)
 
     def beside(self, state: str, name: str) -> list[str]:
-        """Return what stands near the thing and can be taken, nearest first; nothing that the plan itself put there."""
+        """What stands near the thing and can be taken, nearest first; nothing that the plan itself put there."""
         others = self._near(state, name, BESIDE_M, LEVEL_M)
         return [one for one in others if self.holder(state, one) is None and self.exact(state, one)]
 
     def _near(self, state: str, name: str, radius: float, height: float) -> list[str]:
-        """Return the other moveable things within a distance and a difference of height [m], nearest first."""
+        """The other moveable things within a distance and a difference of height [m], nearest first."""
         at = {
             one: np.array(self._ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose.xyz)
             for one in self.moveable(state)
@@ -80,7 +122,7 @@ class StateFacts:
         return sorted((one for one, far in distance.items() if far < radius), key=distance.__getitem__)
 
     def origin(self, state: str, name: str) -> wm.PoseOf:
-        """Return where the thing stood before it was taken."""
+        """Where the thing stood before it was taken."""
         return self._ask(wm.ObjectOrigin(state=state, object=name), wm.PoseOf)
 
     def container(self, state: str, name: str) -> bool:
@@ -99,7 +141,7 @@ class StateFacts:
         return here.on in self.places(state, where) and self.container(state, here.on) == self.inside(state, name)
 
     def fallen(self, state: str, name: str) -> Fact | None:
-        """Return how the thing lies that does not stand; None for one that stands."""
+        """How the thing lies that does not stand; None for one that stands."""
         return fallen(name, transform(self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose))
 
     def inside(self, state: str, name: str) -> bool:
@@ -117,7 +159,7 @@ class StateFacts:
 
 
 def fallen(name: str, pose: pin.SE3) -> Fact | None:
-    """Return how a thing in this pose lies that does not stand; None for one that stands."""
+    """How a thing in this pose lies that does not stand; None for one that stands."""
     if not lies(pose):
         return None
     return fact(Kind.UPSIDE_DOWN if upside_down(pose) else Kind.LIES, name)
@@ -159,5 +201,5 @@ class Known:
 
 
 def away(known: Known, km: str) -> list[Side]:
-    """Return the sides of empty arms that are not at home."""
+    """The sides of empty arms that are not at home."""
     return [side for side in Side if not known.facts.in_hand(km, side) and not known.facts.at_home(km, side)]

@@ -43,12 +43,11 @@ class Each(NamedTuple):
 
 
 def each_hand(method: Method) -> Each:
-    """Return the method for each hand."""
     return Each(method, HANDS)
 
 
 def each_try(method: Method) -> Each:
-    """Return the method for the number of each try."""
+    """The method for the number of each try."""
     return Each(method, TRIES)
 
 
@@ -76,16 +75,16 @@ class Plan:
 
 @cache
 def rows() -> tuple[Plan, ...]:
-    """Return the row of each task that has one, by the names of their folders."""
+    """The row of each task that has one, by the names of their folders."""
     return tuple(module.PLAN for module in parts("plan"))
 
 
 @cache
 def tasks() -> dict[str, tuple[Argument, ...]]:
-    """Return all tasks that can be asked for, with the kinds of their arguments."""
+    """All tasks that can be asked for, with the kinds of their arguments."""
     return {name: kinds for row in rows() for name, kinds in row.tasks.items()}
 
 
 def things(task: str, arguments: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the arguments of a task that are things."""
+    """The arguments of a task that are things."""
     return tuple(one for one, kind in zip(arguments, tasks()[task], strict=True) if kind is Argument.THING)

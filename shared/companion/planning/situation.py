@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from companion.languages import wm
 from companion.languages.values import Box, Pose, Shape, Side
-from companion.planning.asking import Asking
+from companion.planning.methods import Asking
 from velma import names
 from velma.kinematics import collision
 from velma.kinematics.frames import transform, xyz_quat
@@ -23,7 +23,7 @@ mostly 10 mm beside."""
 
 
 def on_wire(pose: pin.SE3) -> Pose:
-    """Return the pose, as WM has it, of a transform."""
+    """The pose, as WM has it, of a transform."""
     return Pose(*xyz_quat(pose))
 
 
@@ -47,14 +47,14 @@ class Situation:
 
 
 def posture(ask: Asking, state: str) -> np.ndarray:
-    """Return q (15,) [rad] in that state."""
+    """q (15,) [rad] in that state."""
     torso = ask(wm.TorsoConfiguration(state=state), wm.Configuration).q
     arms = [ask(wm.ArmConfiguration(state=state, side=side), wm.Configuration).q for side in SIDES]
     return np.array([*torso, *arms[0], *arms[1]])
 
 
 def in_hand(ask: Asking, state: str) -> dict[Side, Held]:
-    """Return what each hand holds in that state."""
+    """What each hand holds in that state."""
     held = {}
     for side in SIDES:
         grasp = ask(wm.GraspAtSide(state=state, side=side), wm.GraspOf)
@@ -64,7 +64,7 @@ def in_hand(ask: Asking, state: str) -> dict[Side, Held]:
 
 
 def situation(ask: Asking, robot: Robot, state: str) -> Situation:
-    """Return all that a step has to know of a state. Raises Unanswered if km does not know it."""
+    """All that a step has to know of a state. Raises Unanswered if km does not know it."""
     held = in_hand(ask, state)
     furniture = ask(wm.StaticObjects(state=state), wm.Objects).objects
     static, doors = {one.id for one in furniture}, {one.id for one in furniture if one.kind == DOOR}
@@ -89,7 +89,7 @@ def situation(ask: Asking, robot: Robot, state: str) -> Situation:
 
 
 def _roomy(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
-    """Return the boards of a leaf with its panel, which is wider than thick, thicker by ROOM_M on each side."""
+    """The boards of a leaf with its panel, which is wider than thick, thicker by ROOM_M on each side."""
     return tuple(_thicker(one) if isinstance(one, Box) and one.size[1] > one.size[0] else one for one in shapes)
 
 
@@ -99,7 +99,7 @@ def _thicker(board: Box) -> Box:
 
 
 def configured(side: Side, q: np.ndarray, fingers: float | None = None) -> tuple[wm.AnyChange, ...]:
-    """Return the changes to torso and arm as in q (15,) [rad], and to the finger angle [rad]."""
+    """The changes to torso and arm as in q (15,) [rad], and to the finger angle [rad]."""
     changes: list[wm.AnyChange] = [
         wm.Configured(part="torso", q=(float(q[names.TORSO]),)),
         wm.Configured(part=f"{side}_arm", q=tuple(float(x) for x in q[names.ARM[side]])),

@@ -12,16 +12,17 @@ import numpy as np
 import pinocchio as pin
 
 from companion.languages import hfsm, rc, wm
-from companion.languages.facts import Facts
-from companion.languages.values import Pose, Side
+from companion.languages.facts import Facts, Kind, fact
+from companion.languages.values import Pose, Side, Vector
+from companion.look_around import EVERYWHERE
 from companion.planning.methods import Known
-from companion.planning.situation import Situation, on_wire, situation
+from companion.planning.situation import Situation, configured, on_wire, situation
 from velma import names
 from velma.kinematics import ik, motion
 from velma.kinematics.frames import tilt, transform
 from velma.kinematics.motion import Keep, Motion
 from velma.kinematics.robot import Robot
-from velma.kinematics.tasks.carrying import upright
+from velma.kinematics.tasks.carrying import FINGERS, homes, upright
 from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED
 from velma.kinematics.timing import timed
 
@@ -67,23 +68,23 @@ class Geometry(Known):
     pouring: dict[tuple[str, str, Pose], Side] = field(default_factory=dict)
 
     def rng(self, *words: str) -> np.random.Generator:
-        """Return random numbers that depend on seed and attempt, not on the order of attempts."""
+        """Random numbers that depend on seed and attempt, not on the order of attempts."""
         return np.random.default_rng([self.seed, *(int.from_bytes(w.encode()[:24], "little") % 2**63 for w in words)])
 
     def at(self, state: str) -> Situation:
-        """Return the situation in a state at km."""
+        """The situation in a state at km."""
         return situation(self.ask, self.robot, state)
 
     def pose(self, state: str, name: str) -> pin.SE3:
-        """Return the pose of the thing (T_world_object) in that state."""
+        """The pose of the thing (T_world_object) in that state."""
         return transform(self.ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose)
 
     def model(self, state: str, name: str) -> wm.ModelOf:
-        """Return shapes, mass and base of the thing."""
+        """Shapes, mass and base of the thing."""
         return self.ask(wm.ObjectModel(state=state, object=name), wm.ModelOf)
 
     def outwards(self, state: str, name: str) -> np.ndarray:
-        """Return the horizontal unit direction (3,) out of the opening of the thing."""
+        """The horizontal unit direction (3,) out of the opening of the thing."""
         hole = self.ask(wm.ObjectHole(state=state, object=name), wm.Hole)
         return horizontal(self.pose(state, name).rotation @ np.array(hole.axis))
 
@@ -97,14 +98,18 @@ class Geometry(Known):
         tried: int = TRIED,
         efforts: Sequence[int] = EFFORTS,
     ) -> tuple[int, Motion] | None:
-        """Return index of a goal (15,) and the motion to it: the quickest of the first few among the `tried` nearest.
+        """Index of a goal (15,) and the motion to it: the quickest of the first few among the `tried` nearest.
 
         None if none of them can be reached with the last of the `efforts` (iterations of a tree).
         Torso and the arm of `side` move; what it holds stays within `largest_tilt` [rad] of the vertical.
         """
         if not goals:
             return None
-        keep = self._upright(here, side, largest_tilt)
+        keep = None
+        if largest_tilt is not None and side in here.held:
+            T_grip_object = here.held[side].T_grip_object
+            if tilt(self.robot.grip(here.q, side) * T_grip_object) <= TAKEN_LYING:
+                keep = upright(self.robot, side, T_grip_object, largest_tilt)
         least = ik.travel(self.robot, side, here.q, np.array(goals))
         nearest = [int(k) for k in np.argsort(least, kind="stable")[:tried]]
         for effort in efforts:
@@ -116,7 +121,7 @@ class Geometry(Known):
     def _ways(
         self, here: Situation, side: Side, goals: list[tuple[int, float, np.ndarray]], keep: Keep | None, effort: int
     ) -> list[tuple[int, Motion]]:
-        """Return index of the goal and motion, some; `goals`: index, least time [s], posture, nearest first."""
+        """Index of the goal and motion, some; `goals`: index, least time [s], posture, nearest first."""
         speed = free_speed(here)
         found: list[tuple[int, Motion]] = []
         for index, least, goal in goals:
@@ -130,42 +135,88 @@ class Geometry(Known):
                 found.append((index, way))
         return found
 
-    def _upright(self, here: Situation, side: Side, largest_tilt: float | None) -> Keep | None:
-        """Return the condition that a held object stays upright; None for an empty hand, or one taken as it lay."""
-        if largest_tilt is None or side not in here.held:
-            return None
-        T_grip_object = here.held[side].T_grip_object
-        if tilt(self.robot.grip(here.q, side) * T_grip_object) > TAKEN_LYING:
-            return None
-        return upright(self.robot, side, T_grip_object, largest_tilt)
-
     def duration(self, path: Path, speed: float) -> float:
-        """Return the time [s] of a joint path at a tool speed [m/s]."""
+        """The time [s] of a joint path at a tool speed [m/s]."""
         return timed(self.robot, path, tool_speed=speed).duration if len(path) > 1 else 0.0
 
 
 def horizontal(direction: np.ndarray) -> np.ndarray:
-    """Return the horizontal unit vector (3,) in a direction (3,)."""
+    """The horizontal unit vector (3,) in a direction (3,)."""
     level = np.array([direction[0], direction[1], 0.0])
     return np.asarray(level / np.linalg.norm(level))
 
 
 def free_speed(here: Situation) -> float:
-    """Return the tool speed [m/s] of free motions: slower with an object in a hand."""
+    """The tool speed [m/s] of free motions: slower with an object in a hand."""
     return LOADED_SPEED if here.held else EMPTY_SPEED
 
 
 def move(side: Side, way: Motion, speed: float, fingers: float | None = None) -> rc.MoveJoint:
-    """Return the command of a free motion."""
+    """The command of a free motion."""
     points = tuple(tuple(float(x) for x in q[names.COLUMNS[side]]) for q in way.path)
     return rc.MoveJoint(key="", side=side, path=points, speed=speed, fingers=fingers)
 
 
 def hand_steps(grasp: wm.GraspDef) -> list[tuple[pin.SE3, float]]:
-    """Return T_object_grip and finger angle [rad] of each step of a grasp, outermost first."""
+    """T_object_grip and finger angle [rad] of each step of a grasp, outermost first."""
     return [(transform(step.pose).inverse(), step.fingers) for step in grasp.steps]
 
 
 def approach_points(steps: Iterable[tuple[pin.SE3, float]]) -> tuple[rc.ApproachPoint, ...]:
-    """Return grip poses with finger angles [rad], as RC has them."""
+    """Grip poses with finger angles [rad], as RC has them."""
     return tuple(rc.ApproachPoint(on_wire(pose), fingers) for pose, fingers in steps)
+
+
+# --- Primitive steps that turn the head: at one thing, and for one ----------------------------------------------------
+
+
+# [s] of one point of a look around, and of a single look (estimates); only for the expected duration
+POINT_S, LOOK_S = 1.2, 2.0
+
+
+def look_at(step: hfsm.Step, points: tuple[Vector, ...]) -> Step:
+    """The step that looks at points (in the world, [m]) in turn. It needs no fact."""
+    return Step(step, (rc.Look(key="", at=points),), (), POINT_S * len(points))
+
+
+def look_for(word: str) -> Step:
+    """The step that looks wherever the head can be turned to, for a thing that has not been seen."""
+    return look_at(hfsm.Step("look-for", (word,)), EVERYWHERE)
+
+
+def look(geometry: Geometry, state: str, name: str) -> Step:
+    """The step that looks where the object should be."""
+    return _look(geometry, state, name, "")
+
+
+def confirm(geometry: Geometry, state: str, name: str) -> Step:
+    """The step that looks whether the object stands where it was put; what is not seen is not checked."""
+    return _look(geometry, state, name, name)
+
+
+def _look(geometry: Geometry, state: str, name: str, put: str) -> Step:
+    x, y, z = (float(v) for v in geometry.pose(state, name).translation)
+    return Step(hfsm.Step("look-at", (name,)), (rc.Look(key="", at=((x, y, z),), put=put),), (), LOOK_S)
+
+
+# --- The primitive step that brings an empty arm home -----------------------------------------------------------------
+
+
+def home(geometry: Geometry, state: str, side: Side) -> Step | None:
+    """The step that brings an empty arm to its start posture; the torso turns where that is free.
+
+    None, with the reason noted, where no path is found. A step that is asked for again is not searched again.
+    """
+    if (state, side) not in geometry.homes:
+        here = geometry.at(state)
+        goals = [goal for goal in homes(here.q, side) if here.world.free(goal)]
+        found = None
+        if reached := geometry.free_motion(here, side, goals):
+            way = reached[1]
+            command = move(side, way, free_speed(here), FINGERS)
+            changes = configured(side, way.path[-1], FINGERS)
+            found = Step(hfsm.Step("home", side=side), (command,), changes, way.duration)
+        geometry.homes[state, side] = found
+    if geometry.homes[state, side] is None:
+        geometry.failed(fact(Kind.NO_WAY_HOME, side))
+    return geometry.homes[state, side]

@@ -5,20 +5,22 @@ sentences of hi and the page, too. Rows of a task's own kinds are in its file se
 the catalogue. No program reads a sentence.
 """
 
+import math
 import re
 from collections.abc import Iterable, Iterator
 from enum import StrEnum
 from functools import cache
 from importlib import resources
-from importlib.resources.abc import Traversable
 
 import msgspec
 
 from companion import tasks
-from companion.languages.evidence import AnyClaim
+from companion.languages import cmd, hfsm, sw
+from companion.languages.evidence import AnyClaim, Evidence
 from companion.languages.facts import Fact, Facts, Kind, fact, with_reasons
 from companion.languages.hfsm import Place, Step
 from companion.languages.values import Side
+from fipa_codec.languages import Reason
 
 
 class Reader(StrEnum):
@@ -72,6 +74,12 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     joined: dict[str, str] = msgspec.field(name="and", default_factory=dict)
 
 
+_ID = re.compile(r"\b([a-z]+)_(\d+)\b")
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_GAP = re.compile(r" +(?=[;,:)]|$)")
+"""Where a part is empty."""
+
+
 class _Forms(str):
     """A word with its forms: {a} is the first, {a:1} the second one."""
 
@@ -84,50 +92,55 @@ class _Forms(str):
 
 @cache
 def catalogue(reader: Reader) -> Catalogue:
-    """Return the catalogue of a reader, with the rows of the tasks. Raises ValueError if two have the same one."""
+    """The catalogue of a reader, with the rows of the tasks. Raises ValueError if two have the same one."""
     rows = msgspec.toml.decode(resources.files(__package__).joinpath(f"{reader}.toml").read_bytes())
     for name in tasks.NAMES:
         file = resources.files(tasks).joinpath(name, "sentences.toml")
         if file.is_file():
             for table, more in msgspec.toml.decode(file.read_bytes()).get(reader, {}).items():
-                rows[table] = _joined(rows.get(table, {}), more, file)
+                known = rows.setdefault(table, {})
+                if twice := sorted(set(known) & set(more)):
+                    raise ValueError(f"{file}: another catalogue has {', '.join(twice)} already")
+                known |= more
     return msgspec.convert(rows, Catalogue)
 
 
-def _joined(rows: dict[str, object], more: dict[str, object], file: Traversable) -> dict[str, object]:
-    if twice := sorted(set(rows) & set(more)):
-        raise ValueError(f"{file}: another catalogue has {', '.join(twice)} already")
-    return rows | more
-
-
 def operator(facts: Iterable[Fact]) -> str:
-    """Return facts in the operator's words, with semicolons between them; "" for none."""
-    return "; ".join(dict.fromkeys(_with_reasons(one) for one in facts))
+    """Facts in the operator's words, with semicolons between them; "" for none."""
+    found: dict[str, None] = {}  # each sentence once, in order
+    for one in facts:
+        template, because = catalogue(Reader.OPERATOR).fact[one.kind], operator(one.because)
+        sentence = _GAP.sub("", template.format(because=because, **_parts(one, Reader.OPERATOR)))
+        if "{because}" in template or not because:
+            found[sentence.strip("; ")] = None
+        else:
+            found[f"{sentence}: {because}"] = None
+    return "; ".join(found)
 
 
 def person(facts: Iterable[Fact], language: str) -> str:
-    """Return facts as sentences for a person, in "en" or "pl"; "" for none."""
+    """Facts as sentences for a person, in "en" or "pl"; "" for none."""
     return " ".join(dict.fromkeys(_sentences(facts, Reader(language))))
 
 
 def failure(why: Facts, language: str) -> str:
-    """Return the sentences for a person of why a task failed; where none asks for anything, the last asks for help."""
+    """The sentences for a person of why a task failed; where none asks for anything, the last asks for help."""
     asks = any(one.kind.asks for one in with_reasons(why))
     return person(why if asks or not why else (*why, fact(Kind.PERSON_NEEDED)), language)
 
 
 def claimed(claim: AnyClaim, of: str) -> str:
-    """Return a claim about a thing in the operator's words."""
+    """A claim about a thing in the operator's words."""
     return catalogue(Reader.OPERATOR).claim[claim].format(a=_thing(of, Reader.OPERATOR))
 
 
 def state(name: str, language: str) -> str:
-    """Return the state of a task for a person, in "en" or "pl"; one that is not known as it is."""
+    """The state of a task for a person, in "en" or "pl"; one that is not known as it is."""
     return catalogue(Reader(language)).state.get(name, name)
 
 
 def step(one: Step, reader: Reader) -> str:
-    """Return a step of a plan in words; one that this version does not know by its names."""
+    """A step of a plan in words; one that this version does not know by its names."""
     things = [_thing(name, reader) for name in one.things]
     side = _forms(catalogue(reader).side[one.side] if one.side else ("",) * 5)
     says = catalogue(reader).step.get(one.does)
@@ -137,22 +150,22 @@ def step(one: Step, reader: Reader) -> str:
 
 
 def place(at: Place, reader: Reader) -> str:
-    """Return where a plan is in words: its step, and what is done in it; "" where it is in no step."""
-    act = catalogue(reader).leaf.get(at.act) or _HUMP.sub(" ", at.act).lower()
+    """Where a plan is in words: its step, and what is done in it; "" where it is in no step."""
+    act = catalogue(reader).leaf.get(at.act) or spaced(at.act)
     if at.step is None:
         return act
     return f"{step(at.step, reader)}{f' ({act})' if act else ''}"
 
 
 def please(at: Place, reader: Reader) -> str:
-    """Return what a person is asked to do where a plan is; "" for nothing."""
+    """What a person is asked to do where a plan is; "" for nothing."""
     says = catalogue(reader).please.get(at.act, "")
     things = [_thing(name, reader) for name in at.step.things] if at.step is not None else []
     return says.format(**dict(zip("ab", (*things, *(_forms(("",) * 5),) * 2), strict=False)))
 
 
 def happened(name: str, of: tuple[str, ...]) -> str:
-    """Return an event of a run in the operator's words; one that is in no list by its names."""
+    """An event of a run in the operator's words; one that is in no list by its names."""
     words = [thing(one, Reader.OPERATOR) if _ID.fullmatch(one) else _HUMP.sub(" ", one) for one in of]
     says = catalogue(Reader.OPERATOR).event.get(name, name.replace("-", " "))
     used = sum(f"{{{number}}}" in says for number in range(len(words)))
@@ -161,28 +174,20 @@ def happened(name: str, of: tuple[str, ...]) -> str:
 
 
 def thing(name: str, reader: Reader) -> str:
-    """Return what a thing is called: jar_1 is the jar, table_2 is table 2."""
+    """What a thing is called: jar_1 is the jar, table_2 is table 2."""
     return format(_thing(name, reader))
-
-
-def _with_reasons(fact: Fact) -> str:
-    template, because = catalogue(Reader.OPERATOR).fact[fact.kind], operator(fact.because)
-    said = _GAP.sub("", template.format(because=because, **_parts(fact, Reader.OPERATOR)))
-    if "{because}" in template or not because:
-        return said.strip("; ")
-    return f"{said}: {because}"
 
 
 def _sentences(facts: Iterable[Fact], reader: Reader) -> Iterator[str]:
     for one in facts:
-        said = catalogue(reader).fact[one.kind].format(**_parts(one, reader))
-        if said:
-            yield said[:1].upper() + said[1:]
+        sentence = catalogue(reader).fact[one.kind].format(**_parts(one, reader))
+        if sentence:
+            yield sentence[:1].upper() + sentence[1:]
         yield from _sentences(one.because, reader)
 
 
 def _parts(fact: Fact, reader: Reader) -> dict[str, object]:
-    """Return the parts of a fact in words, by their names in the kind."""
+    """The parts of a fact in words, by their names in the kind."""
     rows, found = catalogue(reader), dict[str, object]()
     things, numbers, words = iter(fact.things), iter(fact.numbers), iter(fact.words)
     for part in fact.kind.parts:
@@ -206,7 +211,7 @@ def _parts(fact: Fact, reader: Reader) -> dict[str, object]:
 
 
 def _listed(words: list[_Forms], rows: Catalogue) -> _Forms:
-    """Return a list of things in all forms that each of them has."""
+    """A list of things in all forms that each of them has."""
     forms = zip(*(word.forms for word in words), strict=False)
     return _forms(tuple(_joint(form, rows) for form in forms) or ("",))
 
@@ -217,19 +222,13 @@ def _joint(words: tuple[str, ...], rows: Catalogue) -> str:
 
 
 def _word(word: str, of: str, reader: Reader) -> str:
-    """Return a word of a list in words, which may name parts of the fact; one that is in no list as it is read."""
+    """A word of a list in words, which may name parts of the fact; one that is in no list as it is read."""
     rows = catalogue(reader)
     for known in (getattr(rows, of, {}), rows.process, rows.agent):
         if word in known:
             return str(known[word])
-    plain = str(_thing(word, reader)) if _ID.fullmatch(word) else _HUMP.sub(" ", word.replace("_", " ")).lower()
+    plain = str(_thing(word, reader)) if _ID.fullmatch(word) else spaced(word.replace("_", " "))
     return plain.replace("{", "{{").replace("}", "}}")
-
-
-_ID = re.compile(r"[a-z]+_\d+")
-_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_GAP = re.compile(r" +(?=[;,:)]|$)")
-"""Where a part is empty."""
 
 
 def _thing(name: str, reader: Reader) -> _Forms:
@@ -249,7 +248,7 @@ def _forms(forms: tuple[str, ...]) -> _Forms:
 
 
 def _number(value: float, unit: str, reader: Reader) -> str:
-    """Return a number with its unit, to three digits, for a person to two; some counts have none."""
+    """A number with its unit, to three digits, for a person to two; some counts have none."""
     units, digits = catalogue(reader).unit, 3 if reader is Reader.OPERATOR else 2
     if unit not in units:
         return _plain(value, 0)
@@ -263,7 +262,7 @@ def _number(value: float, unit: str, reader: Reader) -> str:
 
 
 def _plural(text: str, reader: Reader) -> str:
-    """Return the class of a number for the forms of nouns behind it: one, few, many or other (Unicode's CLDR)."""
+    """The class of a number for the forms of nouns behind it: one, few, many or other (Unicode's CLDR)."""
     if text == "1":
         return "one"
     if reader is not Reader.POLISH or not text.lstrip("-").isdecimal():
@@ -273,7 +272,64 @@ def _plural(text: str, reader: Reader) -> str:
 
 
 def _plain(value: float, decimals: int) -> str:
-    """Return a number without an exponent, without zeros at its end, and without the sign of a zero."""
+    """A number without an exponent, without zeros at its end, and without the sign of a zero."""
     text = f"{value:.{decimals}f}"
     text = text.rstrip("0").rstrip(".") if "." in text else text
     return "0" if text == "-0" else text
+
+
+# --- Ids, names and contents in the operator's words: on a terminal, in a report. No agent decides by them ------------
+
+
+_TELLING = ("name", "object", "relation", "subject", "source", "destination", "side", "state")
+
+
+def plain(text: str) -> str:
+    """A text with its ids as people say them: jar_1 is the jar, table_2 is table 2."""
+    return _ID.sub(lambda found: found[1] if found[2] == "1" else f"{found[1]} {found[2]}", text)
+
+
+def spaced(name: str) -> str:
+    """A name of a class in words: SeenObject is a seen object."""
+    return _HUMP.sub(" ", name).lower()
+
+
+def about(content: object) -> str:
+    """A content in a few words: what it is and what it is about; of a report only the latter."""
+    if content is None or isinstance(content, Reason):
+        return ""
+    if isinstance(content, cmd.TaskReport | sw.Report):
+        return " ".join(filter(None, (content.state, at(content.at))))
+    told = [one for one in (getattr(content, name, "") for name in _TELLING) if one and isinstance(one, str)]
+    return plain(" ".join((spaced(type(content).__name__), *told)))
+
+
+def at(leaf: Place | None) -> str:
+    """Where a plan is; "" for nowhere."""
+    return "" if leaf is None else place(leaf, Reader.OPERATOR)
+
+
+def does(state: hfsm.State) -> str:
+    """What a state of a plan does; of its end the outcome."""
+    if (whole := hfsm.step_of(state)) is not None:
+        return step(whole, Reader.OPERATOR)
+    match state:
+        case hfsm.ActState(command=command):
+            return at(Place((), act=type(command).__name__))
+        case hfsm.EndState(outcome=outcome):
+            return outcome
+    return plain(state.name)
+
+
+def why(content: object) -> str:
+    """The reason that a content gives; "" for none."""
+    return content.text if isinstance(content, Reason) else operator(getattr(content, "why", ()))
+
+
+def evidence(one: Evidence) -> str:
+    """What is true, and which senses told; or that it was not checked."""
+    words = claimed(one.claim, one.of)
+    if not one.by:
+        return f"not checked: whether {words}"
+    near = f", to {math.ceil(one.within * 1000)} mm" if one.within else ""
+    return f"{words}, by {' and '.join(one.by)}{near}"

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from companion import models
 from companion.languages.values import Side
-from companion.skills import own_paths
+from companion.skills import moving
 from companion.skills.situation import Situation
 from velma.kinematics import backing, motion
 from velma.kinematics.frames import heading, level, standing, tilt
@@ -32,7 +32,7 @@ TRIES, WAYS = 120, 4
 
 
 def standing_here(here: Situation, side: str) -> pin.SE3 | None:
-    """Return the place under the held object if a surface is close below it, else None."""
+    """The place under the held object if a surface is close below it, else None."""
     held = here.held[side]
     pose = held_pose(here, side)
     base = models.MODELS[here.models[held.object]].base
@@ -47,7 +47,7 @@ def standing_here(here: Situation, side: str) -> pin.SE3 | None:
 
 
 def back_in_place(here: Situation, side: str) -> tuple[pin.SE3, list[np.ndarray]] | None:
-    """Return where the held object stood before it was taken, and the straight path to just above; None if far away.
+    """Where the held object stood before it was taken, and the straight path to just above; None if far away.
 
     For an object half out of a cabinet, only the path it came by is known to be free.
     """
@@ -64,7 +64,7 @@ def back_in_place(here: Situation, side: str) -> tuple[pin.SE3, list[np.ndarray]
 
 
 def held_pose(here: Situation, side: str) -> pin.SE3:
-    """Return the pose of the held object."""
+    """The pose of the held object."""
     return here.robot.grip(here.q, side) * here.held[side].T_grip_object
 
 
@@ -85,7 +85,7 @@ def free_spot(
     largest: float = LARGEST_TILT,
     height: float | None = None,
 ) -> tuple[pin.SE3, list[np.ndarray]] | None:
-    """Return a free place and the joint path to above it; None if none was found.
+    """A free place and the joint path to above it; None if none was found.
 
     The object tilts by at most `largest` [rad] on the way, or as it is. `height`: of its origin at the place [m]; None:
     any.
@@ -96,7 +96,7 @@ def free_spot(
     if height is not None:
         spots = [(name, spot) for name, spot in spots if abs(spot[2] - height) < SAME_M]
     keep = upright(here.robot, side, held.T_grip_object, max(largest, tilt(held_pose(here, side)) + 0.1))
-    for margin in own_paths.ROOM_M if spots else ():
+    for margin in moving.ROOM_M if spots else ():
         with attaching.room(here.world, margin):
             found = placings(
                 here.robot, here.world, side, here.q, held.object, held.T_grip_object, spots, retreat, rng, tries=TRIES
@@ -104,7 +104,7 @@ def free_spot(
             for placing in islice(found, WAYS):
                 way = motion.plan(
                     here.robot, here.world, side, here.q, placing.above, keep=keep, tool_speed=LOADED_SPEED,
-                    attempts=own_paths.ATTEMPTS,
+                    attempts=moving.ATTEMPTS,
                 )  # fmt: skip
                 if way is not None:
                     return placing.place, way.path
@@ -112,7 +112,7 @@ def free_spot(
 
 
 def _spots(here: Situation, radius: float, side: str) -> list[tuple[str, np.ndarray]]:
-    """Return spots (3,) that are free by what was seen, within reach, nearest to the hand first; so far as the hand is
+    """Spots (3,) that are free by what was seen, within reach, nearest to the hand first; so far as the hand is
     now it reaches, too.
     """
     at, reach = held_pose(here, side).translation, models.REACH[Side(side)]

@@ -1,6 +1,6 @@
 """Evidence of an act that was done: for each of its checks (companion.acts), which senses told that it is true."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -14,19 +14,18 @@ from velma.control.grip import Grip
 IN_HAND_M = 0.25
 """Between grip and origin of a held thing: a jar or bowl is held within 0.15 m of it (grasps.json), estimate."""
 _IN_HAND = (Grip.HELD, Grip.WARNED, Grip.SLIPPED)
-Told = Mapping[tuple[AnyClaim, Sense], Tells]
+Tellers = Mapping[tuple[AnyClaim, Sense], Tells]
 
 
-def evidence(here: Situation, command: rc.Command, sensed: Sensed | None, own: Told) -> tuple[Evidence, ...]:
-    """Return the evidence for an act that is done; `sensed`: after its last motion, None if it had none.
+def evidence(here: Situation, command: rc.Command, sensed: Sensed | None, own: Tellers) -> tuple[Evidence, ...]:
+    """The evidence for an act that is done; `sensed`: after its last motion, None if it had none.
 
     `own`: how senses tell the claims of this act alone. A claim about a held thing is left out where the hand holds
     nothing, and one about a thing where the command names none.
     """
-    return tuple(_rows(here, command, sensed, {**TELLS, **own})) if sensed is not None else ()
-
-
-def _rows(here: Situation, command: rc.Command, sensed: Sensed, tells: Told) -> Iterator[Evidence]:
+    if sensed is None:
+        return ()
+    tells, found = {**TELLS, **own}, []
     for check in ACTS[type(command)].checks:
         held = here.held.get(getattr(command, "side", "")) if check.claim is Claim.HELD else None
         if check.claim is Claim.HELD and held is None:
@@ -38,12 +37,8 @@ def _rows(here: Situation, command: rc.Command, sensed: Sensed, tells: Told) -> 
         of_place = Sense.EYES in by and tells[check.claim, Sense.EYES] is seen
         uncertainty = here.uncertain.get(of) if of_place else None
         within = 0.0 if uncertainty is None else uncertainty.deviation
-        yield Evidence(check.claim, of, by, here.time if by else 0.0, within)
-
-
-def _always(here: Situation, command: rc.Command, sensed: Sensed, of: str) -> bool:
-    """The loop ends a motion only where joints, hand and fingers are at its end."""
-    return True
+        found.append(Evidence(check.claim, of, by, here.time if by else 0.0, within))
+    return tuple(found)
 
 
 def _felt(here: Situation, command: rc.Command, sensed: Sensed, of: str) -> bool:
@@ -67,16 +62,13 @@ def seen(here: Situation, command: rc.Command, sensed: Sensed, of: str) -> bool:
     return of in here.looked_at and here.holder(of) is None
 
 
-def _looked(here: Situation, command: rc.Command, sensed: Sensed, of: str) -> bool:
-    return bool(here.looked_at)
-
-
-TELLS: Told = {
-    (Claim.THERE, Sense.JOINTS): _always,
+TELLS: Tellers = {
+    # The loop ends a motion only where joints, hand and fingers are at its end.
+    (Claim.THERE, Sense.JOINTS): lambda here, command, sensed, of: True,
     (Claim.HELD, Sense.WRIST): _felt,
     (Claim.HELD, Sense.FINGERS): _touched,
     (Claim.HELD, Sense.EYES): _in_hand,
     (Claim.STANDS, Sense.EYES): seen,
-    (Claim.LOOKED, Sense.EYES): _looked,
+    (Claim.LOOKED, Sense.EYES): lambda here, command, sensed, of: bool(here.looked_at),
 }
 """How senses tell the claims that acts of any task may have."""

@@ -120,15 +120,15 @@ class Motion(msgspec.Struct, frozen=True, tag=True):
     pull_s: Seconds = 0.3
 
     def path(self) -> Array:
-        """Return the knots (n, 15) [rad], read-only."""
+        """The knots (n, 15) [rad], read-only."""
         return np.frombuffer(self.knots, dtype=np.float64).reshape(-1, len(BODY))
 
     def hands(self) -> tuple[HandCommand, HandCommand]:
-        """Return the commands by row: right, left."""
+        """The commands by row: right, left."""
         return self.right, self.left
 
     def payloads(self) -> tuple[Payload | None, Payload | None]:
-        """Return the payloads by row: right, left."""
+        """The payloads by row: right, left."""
         return self.payload_right, self.payload_left
 
 
@@ -211,7 +211,6 @@ class Report(msgspec.Struct, frozen=True):
     largest_error_m: tuple[float, float] = (0.0, 0.0)
 
     def hand(self, side: str) -> HandReport:
-        """Return the report of one hand."""
         return self.right if side == "right" else self.left
 
 
@@ -226,12 +225,12 @@ class Refusal(msgspec.Struct, frozen=True):
 
 
 def refusal(error: MotionError) -> Refusal:
-    """Return why a motion cannot be made."""
+    """Why a motion cannot be made."""
     return Refusal((fact(Kind.MOTION_REFUSED, error.field),), str(error))
 
 
 def motion(key: str, q: Array, **options: Any) -> Motion:
-    """Return a motion along knots `q` (n, 15), or at rest in a posture (15,). Options are the fields of Motion.
+    """A motion along knots `q` (n, 15), or at rest in a posture (15,). Options are the fields of Motion.
 
     Raises MotionError.
     """
@@ -240,7 +239,7 @@ def motion(key: str, q: Array, **options: Any) -> Motion:
 
 
 def checked(asked: Motion) -> Motion:
-    """Return the motion if a loop can follow it. Raises MotionError with the field and what is allowed."""
+    """The motion if a loop can follow it. Raises MotionError with the field and what is allowed."""
     asked, width = ranges.checked(asked), len(BODY) * START.itemsize
     if not asked.knots or len(asked.knots) % width:
         raise MotionError("knots", f"{len(asked.knots)} bytes", f"n x 15 float64, a multiple of {width} bytes")

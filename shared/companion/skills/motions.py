@@ -28,7 +28,7 @@ ROOM_M = 0.02
 
 
 def turning(here: Situation, knots: Sequence[np.ndarray], wanted: HeadGoal | None) -> HeadGoal | None:
-    """Return the head's goal for a motion through these knots (15,): the wanted one, else straight ahead.
+    """The head's goal for a motion through these knots (15,): the wanted one, else straight ahead.
 
     None: it stays as it is.
     """
@@ -70,7 +70,7 @@ Point = Sequence[float] | np.ndarray  # (3,) [m, world]
 
 
 def aim(torso: float, point: Point) -> HeadGoal:
-    """Return the head goal that centres a point (3,) [m, world] in the picture, within the limits of the head."""
+    """The head goal that centres a point (3,) [m, world] in the picture, within the limits of the head."""
     x, y, z = (float(v) for v in point)
     pan = math.remainder(math.atan2(y, x) - torso, math.tau)
     tilt = -math.atan2(z - EYE_HEIGHT_M, math.hypot(x, y)) - CAMERA_DIP
@@ -89,7 +89,7 @@ def along(
     watch: Point | None = None,
     **options: Any,
 ) -> Motion:
-    """Return the motion along a joint path, (15,) each, tool at most at `speed` [m/s], head at last on `watch`."""
+    """The motion along a joint path, (15,) each, tool at most at `speed` [m/s], head at last on `watch`."""
     whole = [here.q, *path]
     different = [whole[0], *(b for a, b in pairwise(whole) if not np.abs(b - a).max() <= 1e-6)]  # NaN is no rest
     if len(different) == 1:
@@ -100,29 +100,29 @@ def along(
 
 
 def still(here: Situation, key: str, *, watch: Point | None = None, **options: Any) -> Motion:
-    """Return a motion that holds the set-point while head or hands move."""
+    """A motion that holds the set-point while head or hands move."""
     head = None if watch is None else turning(here, [here.q], aim(float(here.q[names.TORSO]), watch))
     return motion(key, here.q, head=head, **options)
 
 
 def turned(here: Situation, q: np.ndarray, point: Point) -> HeadGoal | None:
-    """Return the head goal that centres a point [m, world] at q (15,); None: an arm is too near the head."""
+    """The head goal that centres a point [m, world] at q (15,); None: an arm is too near the head."""
     goal = aim(float(q[names.TORSO]), point)
     return goal if turning(here, [q], goal) == goal else None
 
 
 def fingers(angle: float, speed: float = 1.0) -> Move:
-    """Return the command that moves all three fingers to one angle [rad]."""
+    """The command that moves all three fingers to one angle [rad]."""
     return Move((angle, angle, angle), speed)
 
 
 def hand(side: str, command: HandCommand) -> dict[str, Any]:
-    """Return the option of a motion that commands one hand."""
+    """The option of a motion that commands one hand."""
     return {str(side): command}
 
 
 def payload(side: str, mass: float = 0.0, T_grip_object: pin.SE3 | None = None) -> dict[str, Any]:
-    """Return the option of a motion for a hand that carries `mass` [kg] at the object's origin; no pose: empty."""
+    """The option of a motion for a hand that carries `mass` [kg] at the object's origin; no pose: empty."""
     if T_grip_object is None:
         return {f"payload_{side}": Payload()}
     x, y, z = (float(v) for v in T_grip_object.translation)

@@ -1,6 +1,6 @@
 """Skills that move an arm: along a planned joint path, in a straight line, and home."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -8,14 +8,58 @@ import pinocchio as pin
 
 from companion.languages import rc
 from companion.languages.facts import Fact, Facts, Kind, fact
-from companion.skills import motions, own_paths
-from companion.skills.situation import Situation
+from companion.skills import motions
+from companion.skills.situation import MARGIN_M, Situation
 from companion.skills.skill import NotPossible, Skill, SkillRow, replan
 from velma import names
-from velma.kinematics import backing, ik
+from velma.kinematics import backing, ik, motion
 from velma.kinematics.frames import shifted, tilt
+from velma.kinematics.tasks import attaching
 from velma.kinematics.tasks.carrying import FINGERS, homes, upright
 from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED, RETREAT_SPEED
+
+# [m] tried in turn. In task runs hands were up to 24 mm beside their path, mostly 10; poses seen are wrong by 4 mm.
+ROOM_M = (0.02, 0.01, MARGIN_M)
+ATTEMPTS = 2  # trees for each goal: any path will do, and ta waits (estimate)
+
+
+def free_path(
+    here: Situation,
+    side: str,
+    goals: Iterable[np.ndarray],
+    speed: float,
+    keep: motion.Keep | None = None,
+) -> list[np.ndarray] | None:
+    """A free path to the first possible of `goals` (15,), with the largest margin possible, or None."""
+    wanted = list(goals)
+    for margin in ROOM_M:
+        with attaching.room(here.world, margin):
+            for goal in wanted:
+                found = motion.plan(
+                    here.robot, here.world, side, here.q, goal, keep=keep, tool_speed=speed, attempts=ATTEMPTS
+                )
+                if found is not None:
+                    return found.path
+    return None
+
+
+def rest(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
+    """The rest of a path from the present posture on."""
+    return path[_reached(here, path) :] if path else []
+
+
+def back(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
+    """The way from the present posture back to the begin of a path that was followed as far as here."""
+    return path[: _reached(here, path) + 1][::-1]
+
+
+def _reached(here: Situation, path: list[np.ndarray]) -> int:
+    """Which posture of a path is nearest to the present one."""
+    return int(np.argmin([np.abs(q - here.q).max() for q in path]))
+
+
+# --- Skills that move an arm: along a planned joint path, in a straight line, and home --------------------------------
+
 
 JOIN_STEP = 0.05  # [rad] between two states checked on the way to a path
 NEAR = 1e-4  # [rad]
@@ -56,7 +100,7 @@ def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
 
 
 def _clear(here: Situation, path: list[np.ndarray], side: str, bent: float | None, speed: float) -> list[np.ndarray]:
-    """Return the path, or one of ex's own to its end where it goes into something. Raises replan if there is none.
+    """The path, or one of ex's own to its end where it goes into something. Raises replan if there is none.
 
     `bent`: angle of the fingers on it [rad], None: as they are.
     """
@@ -71,7 +115,7 @@ def _clear(here: Situation, path: list[np.ndarray], side: str, bent: float | Non
             T_grip_object = here.held[side].T_grip_object
             tilted = max(tilt(here.robot.grip(state, side) * T_grip_object) for state in path)
             keep = upright(here.robot, side, T_grip_object, tilted + TILTED_MORE)
-        another = own_paths.free_path(here, side, path[-1:], speed, keep)
+        another = free_path(here, side, path[-1:], speed, keep)
     finally:
         here.world.fingers(side, here.fingers[side])
     if another is None:
@@ -80,7 +124,7 @@ def _clear(here: Situation, path: list[np.ndarray], side: str, bent: float | Non
 
 
 def _free(here: Situation, q: np.ndarray, side: str, bent: float) -> bool:
-    """Return whether a posture is free with the fingers bent so [rad]."""
+    """Whether a posture is free with the fingers bent so [rad]."""
     here.world.fingers(side, bent)
     try:
         return here.world.free(q)
@@ -89,7 +133,7 @@ def _free(here: Situation, q: np.ndarray, side: str, bent: float) -> bool:
 
 
 def _watched(here: Situation, q: np.ndarray) -> np.ndarray | None:
-    """Return where the head looks after a free motion: at what was put down and not seen since, else at the held object
+    """Where the head looks after a free motion: at what was put down and not seen since, else at the held object
     nearest to the middle, if any.
     """
     if here.put:
@@ -99,7 +143,7 @@ def _watched(here: Situation, q: np.ndarray) -> np.ndarray | None:
 
 
 def joining(here: Situation, goal: np.ndarray) -> list[np.ndarray]:
-    """Return the straight, checked joint path from the set-point to q (15,). Raises replan if it is not free."""
+    """The straight, checked joint path from the set-point to q (15,). Raises replan if it is not free."""
     if np.abs(goal - here.q).max() < NEAR:
         return []
     states = between(here, goal)
@@ -110,7 +154,7 @@ def joining(here: Situation, goal: np.ndarray) -> list[np.ndarray]:
 
 
 def between(here: Situation, goal: np.ndarray) -> list[np.ndarray]:
-    """Return the straight joint path from the set-point to q (15,), in small steps, unchecked."""
+    """The straight joint path from the set-point to q (15,), in small steps, unchecked."""
     way = goal - here.q
     steps = max(1, int(np.ceil(np.abs(way).max() / JOIN_STEP)))
     return [here.q + way * k / steps for k in range(1, steps + 1)]
@@ -133,7 +177,7 @@ def move_cartesian(here: Situation, command: rc.MoveCartesian) -> Skill:
 def straight(
     here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept: Accept = None, *, torso: bool = False
 ) -> list[np.ndarray]:
-    """Return postures on the straight line of the grip from q (15,) to `target`. Raises replan if it is blocked.
+    """Postures on the straight line of the grip from q (15,) to `target`. Raises replan if it is blocked.
 
     The torso moves only if the arm alone does not reach; with `torso` it moves where that is possible. A line that is
     blocked by the margin alone, or leads out of what touches already, is taken all the same: poses are seen again at a
@@ -151,14 +195,14 @@ def straight(
 
 
 def line_ends(blocked: ik.PathBlocked) -> Fact:
-    """Return why a straight line of the grip cannot be followed to its end, and where it ends."""
+    """Why a straight line of the grip cannot be followed to its end, and where it ends."""
     return fact(Kind.LINE_ENDS, 100.0 * blocked.fraction, blocked.reason)
 
 
 def legs(
     here: Situation, side: str, q: np.ndarray, poses: Sequence[pin.SE3], *, torso: bool = False
 ) -> list[list[np.ndarray]]:
-    """Return a straight, checked path of the grip from q (15,) to the first pose, and one to each further pose.
+    """A straight, checked path of the grip from q (15,) to the first pose, and one to each further pose.
 
     `torso`: as of straight. Raises replan if one is blocked.
     """
@@ -170,7 +214,7 @@ def legs(
 
 
 def _outwards(here: Situation, q: np.ndarray) -> Callable[[np.ndarray], bool]:
-    """Return whether nothing overlaps in a state but what did in the one before, and no deeper; begins at q (15,)."""
+    """Whether nothing overlaps in a state but what did in the one before, and no deeper; begins at q (15,)."""
     deep = {(a, b): d for a, b, d in here.world.touching(q)}
 
     def accept(state: np.ndarray) -> bool:
@@ -193,7 +237,7 @@ def home(here: Situation, command: rc.Home) -> Skill:
     aside = backing.out_of_touch(here.robot, here.world, side, here.q)
     if len(aside) > 1:
         yield motions.along(here, command.key, aside, RETREAT_SPEED)
-    path = own_paths.free_path(here, side, homes(here.q, side), speed)
+    path = free_path(here, side, homes(here.q, side), speed)
     if path is None:
         raise replan(fact(Kind.NO_WAY_HOME, side))
     yield motions.along(here, command.key, path, speed, watch=_watched(here, path[-1]) if here.put else None)

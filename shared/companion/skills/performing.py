@@ -18,8 +18,8 @@ from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import BodyPosture, Pose, Side
 from companion.skills import motions, moving, senses
 from companion.skills.evidence import evidence
-from companion.skills.looking_again import MORE_LOOKS
 from companion.skills.loop_messages import Motion, Open, Phase, refusal
+from companion.skills.senses import MORE_LOOKS
 from companion.skills.situation import Situation
 from companion.skills.skill import Asked, Cancelled, NotPossible, Sensed, Skill, SkillRow
 from velma import names
@@ -28,17 +28,10 @@ from velma.control.grip import Grip
 from velma.errors import MotionError
 from velma.kinematics.frames import xyz_quat
 
-# --- Which skill performs which act: those of this toolkit, and those of the tasks -----------------------------------
-
-
 SKILLS: dict[type[rc.Command], SkillRow] = {
     row.act: row for part in (moving, *tasks.parts("perform")) for row in part.SKILLS
 }
-
-
-# --- Runs the skill of a robot command to its outcome, and updates the situation after each motion --------------------
-
-
+"""Which skill performs which act: those of this toolkit, and those of the tasks."""
 SAG_S = 0.3  # [s] until a hand that was stopped hangs still: -0.4 mm with the jar, 1.3 mm without it (measured)
 IN_HAND_M = 0.05  # nearer to its place in the hand, a thing is in it (estimate: that place is known to 1 cm)
 OPEN_BY, OPEN_SPEED = 0.45, 2.0  # [rad], [rad/s]: half open within 0.25 s, so that it is told at once; estimates
@@ -71,7 +64,8 @@ def _carried_out(here: Situation, command: rc.Command) -> Performance:
             elif sensed.ended == Phase.DONE:
                 motion = skill.send(sensed)
             elif sensed.ended == Phase.LOST:
-                unfelt = {side: known[side] for side in _feeling(here, sensed, Grip.LOST)}
+                lost = [side for side in here.held if side in sensed.grips and sensed.grips[side].felt == Grip.LOST]
+                unfelt = {side: known[side] for side in lost}
                 return (yield from _emptied(here, sights, command.key, Phase.LOST, unfelt, began))
             else:
                 return ended(here, sights, command.key, sensed.ended, sensed.why, began)
@@ -100,19 +94,15 @@ def _to_its_end(skill: Skill, motion: Asked) -> Generator[Asked, Sensed, Sensed]
 
 
 def _unfelt(here: Situation, command: rc.Command, sensed: Sensed) -> list[str]:
-    """Return the side of the hand that carried through the act, if it does not feel what it should hold."""
-    moved = getattr(command, "side", "") if SKILLS[type(command)].carries else ""
-    return [side for side in _feeling(here, sensed, Grip.UNSURE) if side == moved and _light(here, sensed, side)]
+    """The side of the hand that carried through the act, if it does not feel what it should hold.
 
-
-def _light(here: Situation, sensed: Sensed, side: str) -> bool:
-    """Whether less than half of the thing's mass is in the hand; with more it is there, whatever touches it."""
-    return sensed.grips[side].mass < here.held[side].mass / 2.0
-
-
-def _feeling(here: Situation, sensed: Sensed, felt: Grip) -> list[str]:
-    """Return the sides that should hold something and feel this."""
-    return [side for side in here.held if side in sensed.grips and sensed.grips[side].felt == felt]
+    With half of the thing's mass or more in it, the thing is there, whatever touches it.
+    """
+    side = getattr(command, "side", "") if SKILLS[type(command)].carries else ""
+    if side not in here.held or side not in sensed.grips:
+        return []
+    grip = sensed.grips[side]
+    return [side] if grip.felt == Grip.UNSURE and grip.mass < here.held[side].mass / 2.0 else []
 
 
 def _emptied(
@@ -147,7 +137,7 @@ def _emptied(
 
 
 def _gone(here: Situation, key: str, side: str, inside: pin.SE3) -> Generator[Motion, Sensed, bool]:
-    """Return whether the joints or the eyes tell, too, that a hand has lost its thing, which was `inside` it.
+    """Whether the joints or the eyes tell, too, that a hand has lost its thing, which was `inside` it.
 
     An arm without its load rises. A thing that is seen elsewhere is gone, and so is one that would surely be seen.
     """
@@ -156,18 +146,13 @@ def _gone(here: Situation, key: str, side: str, inside: pin.SE3) -> Generator[Mo
         at = here.robot.grip(here.q, side) * inside
         sensed = yield motions.still(here, key, watch=at.translation, settle_s=SAG_S)
         here.stand(sensed.q, sensed.head, sensed.fingers, sensed.time)  # what is seen may be in no hand
-        if _risen(here, side, sensed):
-            return True
+        up = here.robot.grip(sensed.measured, side).translation[2] - here.robot.grip(sensed.q, side).translation[2]
+        if up > here.held[side].mass * GRAVITY / CartesianGains().stiffness[0] / 2.0:
+            return True  # it is above its set-point as it is without its load, which is still fed forward
         sight = next((one for one in sensed.sights if one.name == name), None)
         if sight is not None:
             return bool(np.linalg.norm(sight.T_world_object.translation - at.translation) > IN_HAND_M)
     return bool(sensed.sights) and here.surely_seen(name, at)
-
-
-def _risen(here: Situation, side: str, sensed: Sensed) -> bool:
-    """Whether the hand is above its set-point as it is without its load, which is still fed forward."""
-    up = here.robot.grip(sensed.measured, side).translation[2] - here.robot.grip(sensed.q, side).translation[2]
-    return bool(up > here.held[side].mass * GRAVITY / CartesianGains().stiffness[0] / 2.0)
 
 
 def take(here: Situation, sensed: Sensed) -> None:
@@ -175,11 +160,11 @@ def take(here: Situation, sensed: Sensed) -> None:
     here.stand(sensed.q, sensed.head, sensed.fingers, sensed.time)
     senses.take(here, sensed)
     here.see(sensed.sights)
-    here.ill = senses.told(here, sensed)
+    here.ill = senses.faulty(here, sensed)
 
 
 def _done(here: Situation, sights: Names, command: rc.Command, sensed: Sensed | None, began: float) -> rc.Done:
-    """Return the outcome of an act that was done; `sensed`: after its last motion."""
+    """The outcome of an act that was done; `sensed`: after its last motion."""
     seen, placed = _seen_and_placed(here, sights, began)
     took, missing = here.time - began, tuple(sorted(here.missing))
     row = SKILLS[type(command)]
@@ -190,7 +175,7 @@ def _done(here: Situation, sights: Names, command: rc.Command, sensed: Sensed | 
 
 
 def ended(here: Situation, sights: Names, key: str, kind: str, why: Facts, began: float) -> rc.NotDone:
-    """Return the outcome of an act that was not done."""
+    """The outcome of an act that was not done."""
     seen, placed = _seen_and_placed(here, sights, began)
     took, missing = here.time - began, tuple(sorted(here.missing))
     return rc.NotDone(
@@ -199,7 +184,7 @@ def ended(here: Situation, sights: Names, key: str, kind: str, why: Facts, began
 
 
 def _seen_and_placed(here: Situation, sights: Names, began: float) -> tuple[tuple[rs.Seen, ...], tuple[rs.Seen, ...]]:
-    """Return what was seen in this act, and what a hand let go of in it and that was not seen since."""
+    """What was seen in this act, and what a hand let go of in it and that was not seen since."""
     seen = (name for name in sights if name not in here.placed and (name in here.seen or here.holder(name)))
     placed = ((name, at) for name, at in here.placed.items() if at >= began)
     return tuple(_at(here, name, here.time) for name in seen), tuple(_at(here, name, at) for name, at in placed)
@@ -214,12 +199,12 @@ def _at(here: Situation, name: str, time: float) -> rs.Seen:
 
 
 def posture(here: Situation) -> BodyPosture:
-    """Return the posture for a communicate."""
+    """The posture for a communicate."""
     right, left = (tuple(float(x) for x in here.q[names.ARM[side]]) for side in ("right", "left"))
     hands = {side: (angle, angle, angle, 0.0) for side, angle in here.fingers.items()}
     return BodyPosture(float(here.q[names.TORSO]), right, left, here.head, hands["right"], hands["left"])
 
 
 def held(here: Situation) -> dict[Side, tuple[str, str, Pose]]:
-    """Return what each hand holds, for a communicate."""
+    """What each hand holds, for a communicate."""
     return {Side(s): (h.object, h.grasp, Pose(*xyz_quat(h.T_grip_object))) for s, h in here.held.items()}

@@ -5,14 +5,15 @@ not move by poses or joints that are off by more than its paths allow. An act wi
 look shows whether that is well again.
 """
 
-from collections.abc import Iterator
+from collections.abc import Generator
 
 import numpy as np
 
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Side
-from companion.skills.loop_messages import GripReport
+from companion.skills import motions
+from companion.skills.loop_messages import GripReport, Motion
 from companion.skills.situation import Situation
 from companion.skills.skill import Sensed, SkillRow, failed
 from velma.control.grip import Grip
@@ -27,7 +28,8 @@ _SLIPS = (Grip.WARNED, Grip.SLIPPED, Grip.LOST)
 
 def take(here: Situation, sensed: Sensed) -> None:
     """Note what a motion shows of the sensors; call it before its sights are taken."""
-    here.numb = {side for side in Side if not _feels(sensed, side)}
+    # A hand with a sensor weighs never exactly nothing.
+    here.numb = {side for side in Side if side not in sensed.grips or sensed.grips[side].mass == 0.0}
     for side, held in here.held.items():
         felt = sensed.grips.get(side, GripReport())
         held.slipped = held.slipped or felt.felt in _SLIPS
@@ -39,28 +41,23 @@ def take(here: Situation, sensed: Sensed) -> None:
         here.blind += 1
 
 
-def told(here: Situation, sensed: Sensed) -> tuple[rc.Ill, ...]:
-    """Return the faulty sensors; call it after the sights of the motion were taken."""
-    return tuple(_told(here, sensed))
-
-
-def _told(here: Situation, sensed: Sensed) -> Iterator[rc.Ill]:
-    for side, grip in sensed.grips.items():
-        if grip.wrong:
-            yield rc.Ill(WRIST[Side(side)], rc.Fault(grip.wrong))
+def faulty(here: Situation, sensed: Sensed) -> tuple[rc.Ill, ...]:
+    """The faulty sensors; call it after the sights of the motion were taken."""
+    found = [rc.Ill(WRIST[Side(side)], rc.Fault(grip.wrong)) for side, grip in sensed.grips.items() if grip.wrong]
     if sensed.wrong:
-        yield rc.Ill(rc.Sensor.CAMERA, rc.Fault(sensed.wrong))
+        found.append(rc.Ill(rc.Sensor.CAMERA, rc.Fault(sensed.wrong)))
     elif here.blind >= BLIND_LOOKS:
-        yield rc.Ill(rc.Sensor.CAMERA, rc.Fault.BLIND)
+        found.append(rc.Ill(rc.Sensor.CAMERA, rc.Fault.BLIND))
     if sensed.off:
-        yield rc.Ill(rc.Sensor.NECK, rc.Fault.OFF, _short(sensed.off))
+        found.append(rc.Ill(rc.Sensor.NECK, rc.Fault.OFF, _short(sensed.off)))
     for side, held in here.held.items():
         if angle := held.turned()[0]:
-            yield rc.Ill(ARM[Side(side)], rc.Fault.OFF, _short(angle))
+            found.append(rc.Ill(ARM[Side(side)], rc.Fault.OFF, _short(angle)))
+    return tuple(found)
 
 
 def refused(here: Situation, command: rc.Command, row: SkillRow) -> Facts:
-    """Return why an act is not begun with these senses; () where it is."""
+    """Why an act is not begun with these senses; () where it is."""
     side = getattr(command, "side", None)
     return () if side is None else _doubts(here, side, row.by_joints, row.checked)
 
@@ -82,7 +79,7 @@ def _doubts(here: Situation, side: Side, by_joints: bool, checked: bool) -> Fact
         why = fact(Kind.BODY_OFF, MOST_OFF)
     elif by_joints and _beside(here, side):
         why = fact(Kind.ARM_OFF, side, MOST_BESIDE_M)
-    elif checked and _unchecked(here, side):
+    elif checked and _ill(here, rc.Sensor.CAMERA) and (side in here.numb or _ill(here, WRIST[side])):
         why = fact(Kind.UNCHECKABLE, side)
     else:
         return ()
@@ -91,10 +88,6 @@ def _doubts(here: Situation, side: Side, by_joints: bool, checked: bool) -> Fact
 
 def _ill(here: Situation, sense: rc.Sensor) -> bool:
     return any(one.sense == sense for one in here.ill)
-
-
-def _unchecked(here: Situation, side: Side) -> bool:
-    return _ill(here, rc.Sensor.CAMERA) and (side in here.numb or _ill(here, WRIST[side]))
 
 
 def _off(here: Situation) -> bool:
@@ -106,10 +99,22 @@ def _beside(here: Situation, side: Side) -> bool:
     return side in here.held and not here.held[side].slipped and here.held[side].turned()[1] > MOST_BESIDE_M
 
 
-def _feels(sensed: Sensed, side: Side) -> bool:
-    """Whether the hand has a sensor: one that has weighs never exactly nothing."""
-    return side in sensed.grips and sensed.grips[side].mass != 0.0
-
-
 def _short(angle: float) -> float:
     return float(np.round(angle, 4))
+
+
+# --- Before a thing that should be there is missing, the head looks again: some pictures do not show what is there ----
+
+
+REST_S = 0.1  # of a look; estimate: a frame of the simulated camera takes 67 ms
+MORE_LOOKS = 3  # before a thing is missing; estimate: of pictures up to 40 % too dark or bright some show no marker
+
+
+def missed(here: Situation, key: str, name: str, sensed: Sensed) -> Generator[Motion, Sensed, bool]:
+    """Look again where a thing should be and is not seen, and return whether it is missing: no picture shows it."""
+    for _ in range(MORE_LOOKS):
+        if name in {sight.name for sight in sensed.sights} or not here.surely_seen(name):
+            break
+        point = here.seen[name].translation
+        sensed = yield motions.still(here, key, watch=(point[0], point[1], point[2]), settle_s=REST_S)
+    return here.miss(name, sensed.sights)

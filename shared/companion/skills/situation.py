@@ -7,7 +7,9 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import Protocol
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 
@@ -15,8 +17,6 @@ from companion import models
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Side, Uncertainty
-from companion.skills.sight import Sight
-from companion.skills.unfinished import Unfinished
 from velma import names
 from velma.eyes.lens import HEIGHT, WIDTH, lens
 from velma.kinematics.collision import World
@@ -24,6 +24,64 @@ from velma.kinematics.robot import Robot
 from velma.kinematics.shapes import Cylinder
 from velma.model.kinds import DOORS
 from velma.names import Array
+
+Neck = tuple[float, float, float]
+"""Measured torso, pan and tilt [rad]: the joints between the world and the camera."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """A detected thing: its name, and its pose in the world with the error that eyes have.
+
+    `content`: mass of what is seen in it [kg]; None where these eyes, or from there, do not tell. An arm before the
+    opening hides some of it, and from low down its own wall does (not `whole`). `uncertainty`: of the pose; None where
+    these eyes do not tell.
+    """
+
+    name: str
+    T_world_object: pin.SE3
+    content: float | None = None
+    uncertainty: Uncertainty | None = None
+    whole: bool = True
+
+
+class Eye(Protocol):
+    """Eyes in the robot's head. The simulator gives them its state in place of light.
+
+    `wrong`: fault of the camera at the last look (velma.eyes.health.Wrong), "" for none; `off`: error of the measured
+    torso or head by that look [rad], 0 for none. With a faulty camera or a large error, nothing is seen.
+    """
+
+    wrong: str
+    off: float
+
+    def look(self, world: Array, neck: Neck, /) -> list[Sight]:
+        """What is seen in the state `world` (nq,). The robot is at rest."""
+        ...
+
+    def close(self) -> None:
+        """End what the eyes started."""
+        ...
+
+
+# --- Content on its way from a held thing into another one, as ex remembers it from act to act ------------------------
+
+
+class Unfinished(msgspec.Struct, frozen=True):
+    """A move of content that was begun: into which thing, and what the hand felt of the source [kg].
+
+    `full`: the mass before the move, with what had left in earlier ones; None: it was not felt. `left`: the mass that
+    left in all of them, None while the last one has not been weighed. `had`: the mass seen in the destination before.
+    """
+
+    destination: str
+    full: float | None
+    left: float | None = None
+    had: float = 0.0
+
+
+# --- Situation of ex during an act: posture, what it saw, what its hands hold, and the collision world of all this ----
+
 
 SURE_M = 1.3  # markers of all things are read from there: 1.00 up to 1.1 m, 0.92 to 1.5 m (trial, docs/eyes.md)
 SURE_MARKERS = 3  # in view, by which a thing is surely seen: two would do where each is read (estimate)
@@ -71,7 +129,7 @@ class Held:
         self.T_grip_object = inside
 
     def turned(self) -> tuple[float, float]:
-        """Return by how much [rad, m] the thing has jumped in the hand, as if a joint of the arm were measured wrong.
+        """How much [rad, m] the thing has jumped in the hand, as if a joint of the arm were measured wrong.
 
         0 where it has not, by two looks that agree, or where it only slid. A grip that slipped may look alike.
         """
@@ -160,7 +218,7 @@ class Situation:
                 self.at_least[sight.name] = sight.content
 
     def hidden(self, name: str, q: np.ndarray, head: tuple[float, float] | None = None) -> float:
-        """Return how many points of a thing's opening, else of its origin, are hidden from the head, at q (15,).
+        """How many points of a thing's opening, else of its origin, are hidden from the head, at q (15,).
 
         By what is known. `head`: its pan and tilt [rad], None: as they are. Infinite for a thing in a hand, or farther
         away than it is surely seen.
@@ -175,7 +233,7 @@ class Situation:
         return self._hidden(q, eye, points, name)
 
     def _hidden(self, q: Array, eye: Array, points: Sequence[Array], name: str) -> int:
-        """Return how many points of a thing are hidden, with the fingers as they are: open ones hide other things."""
+        """How many points of a thing are hidden, with the fingers as they are: open ones hide other things."""
         for side, angle in self.bent.items():
             self.world.fingers(side, angle)
         try:
@@ -199,7 +257,7 @@ class Situation:
         return len(shown & set(framed)) >= SURE_MARKERS
 
     def in_view(self, name: str, at: pin.SE3 | None = None) -> frozenset[int]:
-        """Return which markers of a thing would be read from here: they face the eyes, and nothing known hides them.
+        """Which markers of a thing would be read from here: they face the eyes, and nothing known hides them.
 
         `at`, and markers inside a vessel: as of `surely_seen`. Empty if it is not known where the thing is.
         """
@@ -224,13 +282,17 @@ class Situation:
     def must_show(self) -> bool:
         """Whether enough markers of furniture are in the picture from here, and nothing hides them."""
         camera = self.robot.camera(float(self.q[names.TORSO]), *self.head)
-        still = (name for name, model in self.models.items() if name in self.seen and _still(model))
-        corners = ((name, at) for name in still for _, at in self._markers_at(name, self.seen[name]))
+        fixed = (
+            name for name, model in self.models.items() if model not in DOORS and not models.MODELS[model].moveable
+        )
+        corners = (
+            (name, at) for name in fixed if name in self.seen for _, at in self._markers_at(name, self.seen[name])
+        )
         sure = (at for name, at in corners if _framed(at, camera) and self._shown(name, at, camera.translation))
         return len(list(islice(sure, SURE_MARKERS))) == SURE_MARKERS
 
     def above(self, name: str, at: pin.SE3 | None = None) -> frozenset[str]:
-        """Return which things, beside those in hands, reach into the column above a thing's opening.
+        """Which things, beside those in hands, reach into the column above a thing's opening.
 
         `at`: pose of the thing, None: as it was seen. Empty for a thing without an opening.
         """
@@ -247,7 +309,7 @@ class Situation:
         return name in self.seen and self.holder(name) is None
 
     def _eye(self, q: np.ndarray, head: tuple[float, float] | None = None) -> Array:
-        """Return the place (3,) [m] of the camera at q (15,) and a pan and tilt [rad]; None: as they are."""
+        """The place (3,) [m] of the camera at q (15,) and a pan and tilt [rad]; None: as they are."""
         return np.asarray(self.robot.camera(float(q[names.TORSO]), *(head or self.head)).translation)
 
     def miss(self, name: str, sights: Sequence[Sight]) -> bool:
@@ -265,7 +327,7 @@ class Situation:
         self.forget(name)
 
     def astray(self) -> Facts:
-        """Return which thing was seen to have fallen over, or to be elsewhere than a hand left it; () for none.
+        """Which thing was seen to have fallen over, or to be elsewhere than a hand left it; () for none.
 
         What was seen since is told once.
         """
@@ -284,7 +346,7 @@ class Situation:
             self.uncertain[name] = uncertainty
 
     def holder(self, name: str) -> str | None:
-        """Return the side of the hand that holds it, None for none."""
+        """The side of the hand that holds it, None for none."""
         return next((side for side, held in self.held.items() if held.object == name), None)
 
     def take(self, side: str, held: Held) -> None:
@@ -337,13 +399,8 @@ class Situation:
         self.world.put(name, model.shapes, pose, "object" if model.moveable else "furniture")
 
 
-def _still(model: str) -> bool:
-    """Whether a thing of this model is furniture that does not move."""
-    return not models.MODELS[model].moveable and model not in DOORS
-
-
 def _apart(one: pin.SE3, other: pin.SE3) -> tuple[float, float]:
-    """Return the turn [rad] and the shift [m] between two poses."""
+    """The turn [rad] and the shift [m] between two poses."""
     between = one.inverse() * other
     return float(np.linalg.norm(pin.log3(between.rotation))), float(np.linalg.norm(between.translation))
 
@@ -362,14 +419,14 @@ def _framed(corners: Array, camera: pin.SE3) -> bool:
 
 
 def _edge(hole: models.Opening) -> list[tuple[float, float, float]]:
-    """Return points on the edge of an opening, and its centre, in the thing's frame."""
+    """Points on the edge of an opening, and its centre, in the thing's frame."""
     x, y, z = hole.centre
     around = (math.tau * k / EDGE_POINTS for k in range(EDGE_POINTS))
     return [hole.centre, *((x + hole.radius * math.cos(a), y + hole.radius * math.sin(a), z) for a in around)]
 
 
 def beginning(robot: Robot, things: dict[str, str], markers: Mapping[str, Array]) -> Situation:
-    """Return a situation with nothing seen or held.
+    """A situation with nothing seen or held.
 
     `things`: the model by the id of each thing, as markers tell it; `markers`: their corners (n, 4, 3) [m] in the
     thing's frame.
@@ -391,5 +448,5 @@ def _inwards(corners: Array) -> bool:
 
 
 def _normal(corners: Array) -> Array:
-    """Return the direction (3,) that a marker with these corners (4, 3) faces, not of length 1."""
+    """The direction (3,) that a marker with these corners (4, 3) faces, not of length 1."""
     return np.asarray(np.cross(corners[3] - corners[0], corners[1] - corners[0]))

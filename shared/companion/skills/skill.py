@@ -17,15 +17,14 @@ from companion.languages import rc
 from companion.languages.evidence import AnyClaim, Sense
 from companion.languages.facts import Fact, Facts
 from companion.skills.loop_messages import Cancel, GripReport, LookAgain, Motion
-from companion.skills.sight import Sight
-from companion.skills.situation import Situation
+from companion.skills.situation import Sight, Situation
 
 
 @dataclass(frozen=True)
 class Sensed:
     """After or during a motion: how it ended, why, set-point q and measured joints (15,) [rad], touches, grips, sights.
 
-    `wrong`, `off`: of the eyes that had these sights (companion.skills.sight.Eye).
+    `wrong`, `off`: of the eyes that had these sights (companion.skills.situation.Eye).
     """
 
     ended: str
@@ -102,20 +101,20 @@ def despite_slips(make: Callable[[], Skill]) -> Skill:
 
 
 def replan(*why: Fact) -> NotPossible:
-    """Return the exception for a world that is not as planned."""
+    """The exception for a world that is not as planned."""
     return NotPossible(rc.NotDoneKind.REPLAN, why)
 
 
 def empty(*why: Fact) -> NotPossible:
-    """Return the exception for a hand that does not hold what it should."""
+    """The exception for a hand that does not hold what it should."""
     return NotPossible(rc.NotDoneKind.EMPTY, why)
 
 
 def missing(*why: Fact) -> NotPossible:
-    """Return the exception for a thing that is not where it should be."""
+    """The exception for a thing that is not where it should be."""
     return NotPossible(rc.NotDoneKind.MISSING, why)
 
 
 def failed(*why: Fact) -> NotPossible:
-    """Return the exception for an act that failed or cannot be tried."""
+    """The exception for an act that failed or cannot be tried."""
     return NotPossible(rc.NotDoneKind.FAILED, why)

@@ -16,6 +16,6 @@ NAMES = tuple(sorted(one.name for one in pkgutil.iter_modules(__path__) if one.i
 
 @cache
 def parts(part: str) -> tuple[ModuleType, ...]:
-    """Return this part of each task that has it, in the order of the tasks' names."""
+    """This part of each task that has it, in the order of the tasks' names."""
     names = (f"{__name__}.{task}.{part}" for task in NAMES)
     return tuple(import_module(name) for name in names if find_spec(name))

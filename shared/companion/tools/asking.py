@@ -11,10 +11,10 @@ import msgspec
 
 from companion.asking import ANSWERER, PREFIXES, Answer, Heard, Question, Term, Triple
 from companion.tools.system import SYSTEM
-from operate.cli.errors import ConsoleError, NoRunError, UsageError
+from operate.cli.errors import ConsoleError, NoRunError
 
 if TYPE_CHECKING:
-    from operate.recording.records import Spoken
+    from operate.recording.run import Run
 
 KM = "km"
 READING_S = 60.0
@@ -33,40 +33,30 @@ class Known(msgspec.Struct, frozen=True):
     words: str
 
 
-def known(file: Path, at: float | None = None) -> Known:
-    """Return the knowledge of km from a run folder or a recording, now or `at` seconds after its first communicate."""
+def known(place: "Path | Run", at: float | None = None) -> Known:
+    """The knowledge of km from a run folder or a recording, now or `at` seconds after its first communicate."""
     try:
-        spoken, lives = _recorded(file)
+        from operate.recording.records import Spoken, Token
+        from operate.recording.run import opened
     except ModuleNotFoundError as error:
         raise _missing("monitor", error.name or "") from error
+    run = opened(place, SYSTEM) if isinstance(place, Path) else place
+    spoken = [one for one in run.records if isinstance(one, Spoken)]
     if not spoken:
-        raise NoRunError(str(file), f"{file} has no communicate; give a run folder, or a recording of `roco record`")
+        raise NoRunError(
+            str(run.place), f"{run.place} has no communicate; give a run folder, or a recording of `roco record`"
+        )
+    lives = dict[int, float]()
+    for one in run.records:
+        if isinstance(one, Token) and one.agent == KM and one.alive:
+            lives.setdefault(one.incarnation, one.received)
     begin, end = spoken[0].received, spoken[-1].received
     until = end if at is None else begin + at
     heard = [Heard(one.received, one.wire) for one in spoken if KM in (one.sender, one.receiver)]
-    heard += [Heard(when) for when in lives]
+    heard += [Heard(when) for when in lives.values()]
     kept = tuple(sorted((one for one in heard if one.at <= until), key=lambda one: one.at))
     when = f"{end - begin:.1f} s, the last communicate" if at is None else f"{at:g} of {end - begin:.1f} s"
     return Known(kept, begin, f"as km knew it at {when}")
-
-
-def _recorded(file: Path) -> "tuple[list[Spoken], list[float]]":
-    """All communicates in the order of time, those the recorder missed from step logs; when each life of km began."""
-    from operate.recording import reading
-    from operate.recording.records import Spoken, Token
-    from operate.recording.stored import NoRecordingError
-
-    said, lives = list[Spoken](), dict[int, float]()
-    try:
-        records = reading.of(file, SYSTEM).records
-    except NoRecordingError as error:
-        raise UsageError(str(error)) from error
-    for one in records:
-        if isinstance(one, Spoken):
-            said.append(one)
-        elif isinstance(one, Token) and one.agent == KM and one.alive:
-            lives.setdefault(one.incarnation, one.received)
-    return said, list(lives.values())
 
 
 def answered(question: Question) -> Answer:

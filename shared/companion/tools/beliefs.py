@@ -49,13 +49,13 @@ class Beliefs:
 
     @property
     def objects(self) -> set[str]:
-        """Return the things of which km was told."""
+        """The things of which km was told."""
         told = (one.content.object for _, one in self._newest.values() if isinstance(one.content, _OF_OBJECTS))
         return {*told, *self._held()}
 
     @property
     def posture(self) -> BodyPosture | None:
-        """Return the newest posture that km was told of."""
+        """The newest posture that km was told of."""
         _, body = self._newest.get("body", (None, None))
         return body.content.body if body is not None else None
 
@@ -80,7 +80,7 @@ class Beliefs:
         return True
 
     def about(self, name: str) -> Belief:
-        """Return the belief about a thing."""
+        """The belief about a thing."""
         _, told = self._newest.get(f"object:{name}", (None, None))
         hand = self._held().get(name)
         if hand is not None:
@@ -116,11 +116,11 @@ class Beliefs:
                 self._sights.pop(content.object, None)
 
     def _held(self) -> dict[str, Spoken]:
-        """Return what hands hold, each with the observation that says so."""
+        """What hands hold, each with the observation that says so."""
         return {hand.content.object: hand for hand in self._hands() if hand.content.object}
 
     def _hands(self) -> list[Spoken]:
-        """Return the newest observation of each hand, but where what it held was lost or went to the other one."""
+        """The newest observation of each hand, but where what it held was lost or went to the other one."""
         hands = [self._newest[key][1] for key in map(_hand, Side) if key in self._newest]
         return [hand for hand in hands if hand.id not in self._empty]
 
@@ -130,7 +130,7 @@ def _hand(side: Side) -> str:
 
 
 def _key(content: object) -> str:
-    """Return the subject of an observation; "" for any other content."""
+    """The subject of an observation; "" for any other content."""
     match content:
         case wm.SeenHand(side=side):
             return _hand(side)

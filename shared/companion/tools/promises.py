@@ -23,6 +23,6 @@ def broken(history: History) -> Iterator[str]:
 
 
 def begun_twice(history: History) -> dict[str, int]:
-    """Return the acts that ex agreed to begin more than once, with how often."""
+    """The acts that ex agreed to begin more than once, with how often."""
     keys = Counter(one.content.key for one in history.said if isinstance(one.content, rc.Accepted))
     return {key: times for key, times in keys.items() if times > 1}

@@ -5,8 +5,8 @@ from companion.languages.hfsm import Place
 from companion.languages.hfsm import Step as PlanStep
 from companion.languages.values import Side
 from companion.rows import ShownRow
+from companion.sentences import at
 from companion.tasks import parts
-from companion.wording import at
 from operate.run_folder import Step
 
 GENERAL = (

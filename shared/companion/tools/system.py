@@ -3,9 +3,8 @@
 from companion.all_languages import LANGUAGES
 from companion.design import DESIGN
 from companion.run_files import DISTURBANCES_FILE, SLOTS_FILE
-from companion.sentences import happened
+from companion.sentences import about, happened, plain, why
 from companion.tools.shown import SHOWN, step
-from companion.wording import about, plain, why
 from operate.supervisor.processes import FIRST, Process, around
 from operate.system import Additions, Job, System
 
@@ -20,7 +19,7 @@ PROCESSES = (
     Process("ex", "services.executor", after=(*FIRST, "loop"), workers=EX_WORKERS),
     Process("co", "services.coordinator", after=FIRST),
     Process("hi", "services.human_interface", after=FIRST),
-    Process("page", "services.page", after=("router",), optional=True, workers=("uvicorn", "services.page.app")),
+    Process("page", "services.page", after=("router",), optional=True),
 )
 
 SAYS = {
@@ -79,14 +78,14 @@ SYSTEM = System(
         page="companion.tools.report.page:rendered",
         measures="companion.tools.report.measures:MEASURES",
         drawers="companion.tools.pictures.drawers:drawers",
-        blueprint="companion.tools.pictures.blueprint:blueprint",
+        blueprint="companion.tools.pictures.drawers:blueprint",
         telemetry="companion.tools.telemetry:DECODERS",
         verbs="companion.tools.verbs.table:VERBS",
         tasks="companion.tools.verbs.hi:tasks",
         checks="companion.tools.verbs.checkup:CHECKS",
         promises="companion.tools.promises:broken",
-        why="companion.tools.why.plans:passages",
-        believed="companion.tools.why.beliefs:believed",
+        why="companion.tools.why:passages",
+        believed="companion.tools.why:believed",
         untouchable="companion.tools.verbs.checkup:untouchable",
         faults="companion.tools.verbs.fault:KINDS",
     ),

@@ -5,30 +5,30 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from companion.telemetry import Picture, RobotState, TrueState, told
+from companion.telemetry import Picture, RobotState, TrueState, decoded
 from operate.recording.history import History
 
 T = TypeVar("T")
 DECODERS: dict[str, Callable[[bytes], Any]] = {
-    "telemetry": told,
+    "telemetry": decoded,
     "truth": msgspec.msgpack.Decoder(TrueState).decode,
 }
 """Kind of a signal -> what stands on it; raises msgspec.MsgspecError for anything else."""
-Told = tuple[tuple[float, T], ...]
+Timed = tuple[tuple[float, T], ...]
 
 
-def robot(history: History) -> Told[RobotState]:
+def robot(history: History) -> Timed[RobotState]:
     """The measured robot."""
     return _of(history, RobotState)
 
 
-def pictures(history: History) -> Told[Picture]:
+def pictures(history: History) -> Timed[Picture]:
     """The pictures of the head camera."""
     return _of(history, Picture)
 
 
-def truth(history: History) -> Told[TrueState]:
-    """Return the true states of the simulation."""
+def truth(history: History) -> Timed[TrueState]:
+    """The true states of the simulation."""
     return _of(history, TrueState)
 
 
@@ -40,5 +40,5 @@ def paced(history: History) -> bool | None:
     return states[-1][1].lateness_us.max > 0 if states else None
 
 
-def _of(history: History, kind: type[T]) -> Told[T]:
+def _of(history: History, kind: type[T]) -> Timed[T]:
     return tuple((at, one) for at, one in history.told if isinstance(one, kind))

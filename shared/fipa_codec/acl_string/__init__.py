@@ -6,8 +6,7 @@
     from_acl(message, received) -> Communicate
     reply_names(message) -> names for to_acl      where a reply-to wants the answers
 
-Modules in reading order: message, errors, dates, scanner, reading, printing, content, escapes,
-mapping. No I/O, no clock.
+Modules in reading order: message, text, mapping. No I/O, no clock.
 """
 
 from fipa_codec.acl_string.mapping import Form, from_acl, reply_names, to_acl
@@ -21,8 +20,7 @@ from fipa_codec.acl_string.message import (
     Aid,
     At,
 )
-from fipa_codec.acl_string.printing import render
-from fipa_codec.acl_string.reading import parse
+from fipa_codec.acl_string.text import parse, render
 
 __all__ = [
     "MAX_ACL_BYTES",

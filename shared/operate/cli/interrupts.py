@@ -40,6 +40,13 @@ def heard() -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def told(stop: Callable[[], None]) -> Iterator[None]:
+    """Signals only call `stop`, as long as this lasts: who is told goes on to where it can end in order."""
+    with _handled(lambda *_: stop(), [number for number in SIGNALS if not _ignored(number)]):
+        yield
+
+
+@contextlib.contextmanager
 def held() -> Iterator[Callable[[], None]]:
     """Signals wait until `let_go`, which this gives: what must be known before it can be ended is begun before it."""
     waiting: list[int] = []

@@ -18,7 +18,8 @@ import typer
 
 from agent_runtime.io.run_files import LinkedError
 from operate.cli import completion, interrupts
-from operate.cli.errors import INTERRUPTED, WRONG_USE, ConsoleError, UsageError
+from operate.cli.errors import INTERRUPTED, NO, WRONG_USE, ConsoleError, UsageError
+from operate.run_folder import NothingToRead
 from operate.system import NoSystemError
 from topdown.model.errors import TopdownError
 
@@ -104,9 +105,12 @@ def problems(form: Format) -> Iterator[None]:
     except ConsoleError as error:
         tell_problem(error, form)
         raise typer.Exit(error.code) from error
-    except (NoSystemError, TopdownError, LinkedError) as error:  # no system here, or its design cannot be read
+    except (NoSystemError, TopdownError, LinkedError, NothingToRead) as error:  # no system here, or no recording there
         tell_problem(error, form)
         raise typer.Exit(WRONG_USE) from error
+    except ModuleNotFoundError as error:  # what reads recordings, and what draws, is not installed with the tools
+        tell_problem(f"{type(error).__name__}: {error}; install the extra `monitor`", form)
+        raise typer.Exit(NO) from error
     except KeyboardInterrupt as error:
         tell_problem("interrupted", form)
         raise typer.Exit(INTERRUPTED) from error

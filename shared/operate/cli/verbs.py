@@ -108,7 +108,7 @@ VERBS: Table = {
         ),
         "report": (".runs.report:report", "Make the report of a run again from its recording, and show it."),
         "export": (
-            ".runs.export:export",
+            ".runs.report:export",
             "Write what a recording holds as tables: communicates, events, telemetry.",
         ),
         "compare": (".runs.compare:compare", "Compare two sets of runs: success, latency, energy, traffic."),
@@ -128,7 +128,6 @@ VERBS: Table = {
             ".design.diff:diff_",
             "Tell what changed between two designs.",
         ),
-        "design estimate": (".design.estimate:estimate_", "Estimate counts, sizes, bandwidth, latencies, bottlenecks."),
         "design export": (
             ".design.export:export",
             "Write the models of a design's protocols for spin (Promela).",

@@ -12,10 +12,9 @@ from typing import Any
 import msgspec
 
 from operate.experiments import intervals
-from operate.experiments.exchanges import Said
 from operate.experiments.intervals import Difference, Interval
 from operate.experiments.measures import Quantity, Runs, values
-from operate.experiments.run_figures import Result
+from operate.experiments.run_figures import Result, Said
 
 # --- First differences in the exchanges of two runs, aligned by conversation and not by time. Pure -------------------
 # Conversations of the same kind (who opens, to whom, by which protocol, about what) are paired in the order in which
@@ -162,7 +161,9 @@ class Comparison(msgspec.Struct, frozen=True):
 
 def compared(a: Runs, b: Runs, thresholds: Mapping[str, float] = THRESHOLDS) -> Comparison:
     """B against A; `thresholds`: kind -> per cent, one for each key of THRESHOLDS."""
-    rows = (_success(a.results, b.results, thresholds[SUCCESS]), *_quantities(a, b, thresholds))
+    measured = (_quantity(one, a, b, thresholds[one.kind]) for one in a.measures.all_quantities)
+    success = _success(a.results, b.results, thresholds[SUCCESS])
+    rows = (success, *(row for row in measured if row.a is not None or row.b is not None))
     return Comparison(
         a=a.name,
         b=b.name,
@@ -196,48 +197,30 @@ def _is_percent(text: str) -> bool:
 
 def _success(a: tuple[Result[Any], ...], b: tuple[Result[Any], ...], threshold: float) -> Compared:
     counts = [(sum(one.success for one in side), len(side)) for side in (a, b)]
-    apart = intervals.difference_of_shares(counts[0], counts[1])
-    percent, low, high = _percent(apart, 1.0)
-    least, most = (percent, percent) if low is None or high is None else (low, high)
-    growth = [None if value is None else -value for value in (percent, most, least)]
-    return Compared(
-        name=SUCCESS,
-        kind=SUCCESS,
-        unit="",
-        a=intervals.share(*counts[0]),
-        b=intervals.share(*counts[1]),
-        difference=apart,
-        percent=percent,
-        low=low,
-        high=high,
-        threshold=threshold,
-        verdict=verdict(growth[0], growth[1], growth[2], threshold),
-    )
-
-
-def _quantities(a: Runs, b: Runs, thresholds: Mapping[str, float]) -> tuple[Compared, ...]:
-    rows = (_quantity(one, a, b, thresholds[one.kind]) for one in a.measures.all_quantities)
-    return tuple(row for row in rows if row.a is not None or row.b is not None)
+    sides = intervals.share(*counts[0]), intervals.share(*counts[1])
+    row = _row(SUCCESS, SUCCESS, "", sides, intervals.difference_of_shares(*counts), 1.0, threshold)
+    least, most = (row.percent, row.percent) if row.low is None or row.high is None else (row.low, row.high)
+    loss = [None if value is None else -value for value in (row.percent, most, least)]  # a growth is good
+    return msgspec.structs.replace(row, verdict=verdict(loss[0], loss[1], loss[2], threshold))
 
 
 def _quantity(quantity: Quantity, a: Runs, b: Runs, threshold: float) -> Compared:
     first, second = values(quantity, a.results), values(quantity, b.results)
-    ours, theirs = intervals.mean(list(first.values())), intervals.mean(list(second.values()))
+    sides = intervals.mean(list(first.values())), intervals.mean(list(second.values()))
     apart = intervals.difference(first, second, seeded=a.seeded and b.seeded)
-    percent, low, high = _percent(apart, abs(ours.value) if ours else 0.0)
-    return Compared(
-        name=quantity.name,
-        kind=quantity.kind,
-        unit=quantity.unit,
-        a=ours,
-        b=theirs,
-        difference=apart,
-        percent=percent,
-        low=low,
-        high=high,
-        threshold=threshold,
-        verdict=verdict(percent, low, high, threshold) if quantity.judged else Verdict.SHOWN,
-    )
+    of = abs(sides[0].value) if sides[0] else 0.0
+    row = _row(quantity.name, quantity.kind, quantity.unit, sides, apart, of, threshold)
+    return row if quantity.judged else msgspec.structs.replace(row, verdict=Verdict.SHOWN)
+
+
+def _row(
+    name: str, kind: str, unit: str, sides: tuple[Interval | None, Interval | None],
+    apart: Difference | None, of: float, threshold: float,
+) -> Compared:  # fmt: skip
+    """A quantity of which a growth is bad; `of`: what the difference is told in per cent of."""
+    percent, low, high = _percent(apart, of)
+    found = verdict(percent, low, high, threshold)
+    return Compared(name, kind, unit, *sides, apart, percent, low, high, threshold, found)
 
 
 def _percent(apart: Difference | None, of: float) -> tuple[float | None, float | None, float | None]:

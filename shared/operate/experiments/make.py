@@ -9,12 +9,11 @@ from pyarrow import parquet
 
 from agent_runtime.io.run_files import replaced, write_whole
 from operate.experiments import page, results, summary, tables
-from operate.experiments.exchanges import Said, said
 from operate.experiments.measures import Runs
 from operate.experiments.results import NothingHere
-from operate.recording import history
+from operate.experiments.run_figures import Said, said
+from operate.recording.run import Run
 from operate.run_folder import TRAFFIC_FILE
-from operate.system import of_run
 
 REPORT = "report"
 RUNS_FILE = "runs.parquet"
@@ -78,7 +77,7 @@ def _keep_said(place: Path) -> None:
     for one in results.results(place):
         folder = place / results.RUNS / f"seed-{one.seed}"
         if one.seed is not None and one.seed not in kept and (folder / TRAFFIC_FILE).exists():
-            system = of_run(folder)
-            kept[one.seed] = said(history.load(folder, system), system.words)
+            run = Run(folder)
+            kept[one.seed] = said(run.history, run.system.words)
     if kept:
         tables.write_said(file, kept)

@@ -10,9 +10,8 @@ from typing import Any
 import msgspec
 import pyarrow
 
-from operate.experiments.exchanges import Said
 from operate.experiments.intervals import Interval
-from operate.experiments.run_figures import Figures, Result, Setting
+from operate.experiments.run_figures import Figures, Result, Said, Setting
 from operate.quantiles import enough
 from operate.recording.history import History
 from operate.system import NoSystemError, System

@@ -5,18 +5,17 @@ from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 
-import jinja2
 import numpy as np
 from matplotlib.axes import Axes
 
 from operate.experiments import intervals
-from operate.experiments.exchanges import Said
 from operate.experiments.intervals import Interval
 from operate.experiments.measures import LARGEST, SMALL, Measures, Published, Row, Runs
+from operate.experiments.run_figures import Said
 from operate.experiments.summary import RECEIVED, SENT, Summary
 from operate.reports.counts import SMALL_BYTES
-from operate.reports.figures import ACCENT, INK, drawing, mark_of
-from operate.reports.page import ABSENT, STYLE, number
+from operate.reports.figures import ACCENT, INK, drawing, in_bytes, mark_of
+from operate.reports.page import ABSENT, STYLE, number, template
 
 # --- Sizes of communicates over many runs, as SVG to stand inside a page: means with 95 % intervals over runs --------
 
@@ -48,7 +47,7 @@ def sizes(runs: Runs) -> str:
         axes.figure.set_dpi(POINT_DPI)
         _mean_size(axes, told)
         axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(_in_bytes)
+        axes.yaxis.set_major_formatter(in_bytes)
         axes.set_xlabel("time after the first communicate [s]")
         axes.set_ylabel("size")
         axes.margins(x=0.01)
@@ -69,7 +68,7 @@ def shares(runs: Runs) -> str:
         axes.plot(edges, middle, color=ACCENT, linewidth=1.6)
         _published(axes, runs.measures.published)
         axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(_in_bytes)
+        axes.xaxis.set_major_formatter(in_bytes)
         axes.set_xlabel("size")
         axes.set_ylabel("smaller [%]")
         axes.set_ylim(0, 102)
@@ -108,10 +107,6 @@ def _mean_size(axes: Axes, told: Sequence[tuple[Said, ...]]) -> None:
     axes.plot([], [], color=INK, linewidth=1.3, label="mean")
 
 
-def _in_bytes(value: float, _: float) -> str:
-    return f"{value:g} B" if value < 1e3 else f"{value / 1e3:g} kB" if value < 1e6 else f"{value / 1e6:g} MB"
-
-
 # --- The report of an experiment for people ---------------------------------------------------------------------------
 
 
@@ -120,19 +115,8 @@ TEMPLATE = Path(__file__).with_name("page.html.j2")
 
 def rendered(runs: Runs, told: Summary) -> str:
     """The page of an experiment."""
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters |= {
-        "number": number,
-        "value": value,
-        "span": span,
-        "percent": percent,
-        "percent_span": percent_span,
-        "count": count,
-        "half": half,
-    }
-    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+    filters = (value, span, percent, percent_span, count, half)
+    return template(TEMPLATE, **{one.__name__: one for one in filters}).render(
         told=told,
         results=runs.results,
         began=began(told),

@@ -7,12 +7,11 @@ from typing import Any
 import msgspec
 
 from operate.experiments import measures, tables
-from operate.experiments.exchanges import Said, said
 from operate.experiments.measures import Runs
-from operate.experiments.run_figures import Figures, Result, Setting
-from operate.recording import history
+from operate.experiments.run_figures import Figures, Result, Said, Setting, said
+from operate.recording.run import opened
 from operate.reports import report
-from operate.run_folder import REPORT_FILE, TRAFFIC_FILE
+from operate.run_folder import REPORT_FILE, TRAFFIC_FILE, NothingToRead
 from operate.system import System, of_run
 
 SETTING_FILE = "experiment.json"
@@ -21,7 +20,7 @@ SAID_FILE = "communicates.parquet"
 RUNS = "runs"
 
 
-class NothingHere(Exception):
+class NothingHere(NothingToRead):
     """There is nothing to work on; it says what would be right."""
 
 
@@ -86,8 +85,8 @@ def _experiment(place: Path) -> Runs:
 
 def _single(place: Path) -> tuple[Result[Any], tuple[Said, ...]]:
     """A run; its report.json counts where it is there, else one is made of the recording."""
-    system, file = of_run(place), place / REPORT_FILE
-    past = history.of(place, system)
+    run, file = opened(place), place / REPORT_FILE
+    past, system = run.history, run.system
     kept = place.is_dir() and file.exists()
     raw = file.read_bytes() if kept else msgspec.json.encode(report.of(past, system))
     try:

@@ -1,12 +1,18 @@
-"""The figures of a run as an experiment reads them: what every system's report.json has. Pure.
+"""What an experiment knows of a run: the figures that every system's report.json has, and what was said. Pure.
 
 A file of another version may lack a figure: it is None then, and left out where figures are put together. A system
 whose report has more gives a subclass of Figures (operate.experiments.measures.Measures.figures).
 """
 
+import re
+from collections.abc import Callable
 from typing import Generic, TypeVar
 
 import msgspec
+
+from operate.recording.history import History
+from operate.reports.counts import Communicates, Latency
+from operate.run_folder import alike
 
 
 class Setting(msgspec.Struct, frozen=True):
@@ -46,44 +52,6 @@ class Happened(msgspec.Struct, frozen=True):
         return " ".join((self.name, *self.of))
 
 
-class Sizes(msgspec.Struct, frozen=True):
-    """Sizes of some communicates [bytes]."""
-
-    count: int = 0
-    total: int = 0
-    least: int = 0
-    mean: float = 0.0
-    largest: int = 0
-
-
-class Communicates(msgspec.Struct, frozen=True):
-    """Counts (operate.reports.counts.Communicates)."""
-
-    total: int = 0
-    copies: int = 0
-    small: float | None = None
-    matrix: dict[str, dict[str, int]] = {}
-    per_channel: dict[str, Sizes] = {}
-
-
-class Spans(msgspec.Struct, frozen=True):
-    """Durations [ms] (operate.reports.counts.Spans)."""
-
-    count: int = 0
-    p50: float = 0.0
-    p99: float | None = None
-    max: float = 0.0
-
-
-class Latency(msgspec.Struct, frozen=True):
-    """Of one use of a protocol (operate.reports.counts.Latency)."""
-
-    channel: str
-    use: str
-    budget_ms: float | None = None
-    answer: Spans | None = None
-
-
 class Figures(msgspec.Struct, frozen=True):
     """The fields used of a report.json, which has more."""
 
@@ -119,3 +87,45 @@ class Result(msgspec.Struct, Generic[F], frozen=True):
     def success(self) -> bool:
         """Whether the run did what it should."""
         return self.failure is None
+
+
+# --- What was said in a run, as plain rows: sender, receiver, act, subject, size, time ------------------------------
+
+
+_NUMBERS = re.compile(r"\d+(\.\d+)?")
+
+
+class Said(msgspec.Struct, frozen=True):
+    """A communicate. `t`: s after the first one; `kind`: class of its content; `text`: its content in a few words."""
+
+    t: float
+    channel: str
+    sender: str
+    receiver: str
+    protocol: str
+    performative: str
+    conversation: str
+    kind: str
+    size: int
+    text: str
+
+    @property
+    def meaning(self) -> tuple[str, ...]:
+        """The part by which two runs are compared: who says what to whom; numbers, conversation names and sizes may
+        differ.
+        """
+        return self.sender, self.receiver, self.protocol, self.performative, self.kind, _NUMBERS.sub("#", self.text)
+
+
+def said(history: History, words: Callable[[object], str]) -> tuple[Said, ...]:
+    """Return the communicates of a history in the order of time; `words`: a content in a few words."""
+    return tuple(
+        alike(
+            Said,
+            one,
+            t=one.received - history.begin,
+            kind="" if one.content is None else type(one.content).__name__,
+            text=words(one.content),
+        )
+        for one in history.said
+    )

@@ -1,6 +1,6 @@
 """The summary of an experiment: every figure with its interval, published ones beside. Pure."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from math import fsum
 from typing import Any
 
@@ -120,32 +120,14 @@ def _events(results: tuple[Result[Any], ...], published: Published) -> Iterable[
 
 def _matrix(results: tuple[Result[Any], ...], own: Measures) -> dict[str, dict[str, Cell]]:
     """Of every pair of agents; the margins are those of the sums of each run."""
-    figures, agents = good(results), own.order
+    runs, agents, published = [one.communicates.matrix for one in good(results)], own.order, own.published.matrix
+    everybody = {*agents, *(name for run in runs for sender in run for name in (sender, *run[sender]))}
 
-    def cell(read: Callable[[Figures], float], published: int) -> Cell:
-        mean = intervals.mean([read(one) for one in figures])
-        return Cell(mean or Interval(0.0, None, None, 0), published)
+    def cell(senders: Collection[str], receivers: Collection[str]) -> Cell:
+        def said(matrix: Mapping[str, Mapping[str, int]]) -> int:
+            return sum(matrix.get(s, {}).get(r, 0) for s in senders for r in receivers)
 
-    def theirs(sender: str, receiver: str) -> int:
-        return own.published.matrix.get(sender, {}).get(receiver, 0)
+        return Cell(intervals.mean([said(one) for one in runs]) or Interval(0.0, None, None, 0), said(published))
 
-    def sent(one: Figures, sender: str) -> float:
-        return sum(one.communicates.matrix.get(sender, {}).values())
-
-    def received(one: Figures, receiver: str) -> float:
-        return sum(row.get(receiver, 0) for row in one.communicates.matrix.values())
-
-    table = {
-        s: {
-            r: cell(lambda one, s=s, r=r: one.communicates.matrix.get(s, {}).get(r, 0), theirs(s, r))  # type: ignore[misc]
-            for r in agents
-        }
-        for s in agents
-    }
-    for s in agents:
-        table[s][SENT] = cell(lambda one, s=s: sent(one, s), sum(theirs(s, r) for r in agents))  # type: ignore[misc]
-    table[RECEIVED] = {
-        r: cell(lambda one, r=r: received(one, r), sum(theirs(s, r) for s in agents))  # type: ignore[misc]
-        for r in agents
-    }
-    return table
+    table = {s: {r: cell({s}, {r}) for r in agents} | {SENT: cell({s}, everybody)} for s in agents}
+    return table | {RECEIVED: {r: cell(everybody, {r}) for r in agents}}

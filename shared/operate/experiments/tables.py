@@ -12,42 +12,28 @@ import pyarrow
 from pyarrow import csv, parquet
 
 from agent_runtime.io.run_files import replaced
-from operate.experiments.exchanges import Said, said
 from operate.experiments.measures import of
+from operate.experiments.run_figures import Said, said
 from operate.recording.history import History
-from operate.reports.report import busy
+from operate.reports.report import Busy, busy
 from operate.system import System
 
 SEED = "seed"
 FORMATS = ("parquet", "csv")
-_NARROW = {
-    float: pyarrow.float64(),
-    int: pyarrow.int64(),
-    str: pyarrow.string(),
-    bool: pyarrow.bool_(),
-}
+_TYPES = {float: pyarrow.float64(), int: pyarrow.int64(), str: pyarrow.string()}
 
 
 def of_history(history: History, system: System) -> dict[str, pyarrow.Table]:
     """Return the tables of a run by name; one without rows has its columns all the same."""
     own = of(system).tables
-    made = {"communicates": communicates(said(history, system.words)), "states": entered(history)}
+    made = {"communicates": of_rows(Said, said(history, system.words)), "states": of_rows(Busy, busy(history))}
     return made if own is None else made | own(history)
 
 
-def communicates(rows: Iterable[Said]) -> pyarrow.Table:
-    """Return the traffic as a table with the fields of Said."""
-    kept = tuple(rows)
-    types = {field.name: _NARROW[field.type] for field in msgspec.structs.fields(Said)}
-    return table(types, {name: [getattr(row, name) for row in kept] for name in types})
-
-
-def entered(history: History) -> pyarrow.Table:
-    """The states of the agents: agent, state, start and end [s after the first communicate]."""
-    rows = busy(history)
-    types = {"agent": str, "state": str, "start": float, "end": float}
-    columns = {name: [getattr(row, name) for row in rows] for name in types}
-    return table({name: _NARROW[kind] for name, kind in types.items()}, columns)
+def of_rows(kind: type[msgspec.Struct], rows: Iterable[msgspec.Struct]) -> pyarrow.Table:
+    """Return Structs of a kind as a table with their fields, all of them plain."""
+    schema = pyarrow.schema([(field.name, _TYPES[field.type]) for field in msgspec.structs.fields(kind)])
+    return pyarrow.Table.from_pylist([msgspec.structs.asdict(row) for row in rows], schema)
 
 
 def write(tables: Mapping[str, pyarrow.Table], folder: Path, to: str) -> tuple[Path, ...]:
@@ -67,7 +53,7 @@ def write(tables: Mapping[str, pyarrow.Table], folder: Path, to: str) -> tuple[P
 def write_said(file: Path, by_seed: Mapping[int, Sequence[Said]]) -> None:
     """Write the traffic of several runs into one Parquet file with a column for the seed."""
     rows = [(seed, row) for seed in sorted(by_seed) for row in by_seed[seed]]
-    told = communicates(row for _, row in rows)
+    told = of_rows(Said, (row for _, row in rows))
     numbered = told.add_column(0, SEED, pyarrow.array([seed for seed, _ in rows], pyarrow.int64()))
     with replaced(file) as written:
         parquet.write_table(numbered, written, compression="zstd")

@@ -13,10 +13,10 @@ import msgspec
 
 from agent_runtime.core.state import Record
 from agent_runtime.io.journal import last_record
-from operate.recording import history
 from operate.recording.history import History
+from operate.recording.run import Run
 from operate.run_folder import REPORT_FILE
-from operate.system import Job, System
+from operate.system import Job
 from topdown.model.design import Design
 
 MOST_BYTES = 256 * 1024 * 1024
@@ -30,9 +30,10 @@ class Checked(msgspec.Struct, frozen=True):
     bytes: int
 
 
-def checked(run: Path, system: System) -> Checked:
+def checked(ended: Run) -> Checked:
     """Return what does not hold of a run that has ended."""
-    past, records = history.load(run, system), _records(run, system.design)
+    run, system, past = ended.place, ended.system, ended.history
+    records = _records(run, system.design)
     size = sum(file.lstat().st_size for file in run.rglob("*"))
     promises = system.addition("promises")
     found = [

@@ -4,15 +4,24 @@ The same for the traffic as it goes by and for a recording afterwards. Must not 
 """
 
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 import msgspec
 
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
-from operate.recording.records import SETTING, Garbage, House, Origin, Record, Spoken, Token, Unpaired
-from operate.run_folder import Again, AgentIn, Judged, LiveLine, Sent
+from operate.recording.records import (
+    SETTING,
+    Garbage,
+    House,
+    Origin,
+    Record,
+    Spoken,
+    Token,
+    Unpaired,
+    key_of,
+)
+from operate.run_folder import Again, AgentIn, Judged, LiveLine, Sent, alike
 from operate.system import System
 from operate.verdict_lines import line
 from topdown.judge.judge import Judge
@@ -21,10 +30,6 @@ from topdown.model.design import Design
 
 HISTORY_S = 0.5
 """A token heard sooner after the recorder began may be of an agent that lived before; estimate: they come in ms."""
-NAMED = ("sender", "receiver", "protocol", "performative", "conversation", "id")
-"""Fields by which a verdict names a communicate."""
-SYSTEM = "recorded"
-"""Stands in the keys of records, which do not keep the system's name."""
 
 
 class Judging:
@@ -78,32 +83,12 @@ class Judging:
         """Whoever is of another design keeps no log, and may have taken it."""
         if one.receiver in self._system.design.agents:
             why = f"{one.receiver} did not take it: it was down, frozen or out of reach"
-            yield _about(
-                one, Verdict.NOT_TAKEN, why, t=one.received, bytes=one.size, channel=one.channel, language=one.language
-            )
+            yield alike(Judged, one, t=one.received, verdict=Verdict.NOT_TAKEN, bytes=one.size, text="", why=why)
 
     def _unpaired(self, one: Unpaired) -> Judged:
         rule = self._system.design.rules.get((one.sender, one.receiver, one.protocol, Performative(one.performative)))
         verdict, channel = Verdict.ALTERED if one.altered else Verdict.NOT_SAID, "" if rule is None else rule.channel
-        return _about(one, verdict, one.why, t=one.received, bytes=0, channel=channel, violation=True)
-
-
-def _about(one: Spoken | Sent | Unpaired, verdict: Verdict, why: str, **more: Any) -> Judged:
-    """A verdict that is not the judge's about a communicate; `more`: further fields."""
-    parts: dict[str, Any] = {name: getattr(one, name) for name in NAMED}
-    return Judged(verdict=verdict, why=why, **parts, **more)
-
-
-def key_of(one: Spoken | Sent, form: str, system: str = SYSTEM) -> str:
-    """The key a recorded communicate was put on; `form`: how the design writes keys."""
-    return form.format(
-        system=system,
-        channel=one.channel,
-        sender=one.sender,
-        receiver=one.receiver,
-        protocol=one.protocol,
-        performative=one.performative,
-    )
+        return alike(Judged, one, t=one.received, verdict=verdict, bytes=0, channel=channel, violation=True)
 
 
 def of_records(records: Iterable[Record], system: System) -> tuple[Judged, ...]:
@@ -125,9 +110,12 @@ def of_live(lines: Iterable[LiveLine], design: Design) -> tuple[Judged, ...]:
         at = max(at, one.t)
         match one:
             case Sent(id=""):
-                mute.append(_mute(one))
+                why = "its line is of a version that says too little"  # neither ids nor labels: it cannot be followed
+                mute.append(alike(Judged, one, verdict=Verdict.NOT_JUDGED, text="", why=why))
             case Sent():
-                key, communicate, read = _of_sent(one, design)
+                key, read = key_of(one, design.file.system.key), (one.content, Kind(one.use))
+                act = Performative(one.performative)
+                communicate = alike(Communicate, one, performative=act, content=msgspec.UNSET)
                 said[one.sender, one.receiver, one.id] = (key, communicate, one.bytes, read)
                 found += judge.hear(key, communicate, one.t, one.bytes, read)
             case Again() if (one.sender, one.receiver, one.id) in said:
@@ -137,33 +125,6 @@ def of_live(lines: Iterable[LiveLine], design: Design) -> tuple[Judged, ...]:
                 found += judge.lived(agent, incarnation, one.t)
     found += judge.finish(at)
     return tuple(sorted((*mute, *(line(one, None) for one in found)), key=lambda one: one.t))
-
-
-def _mute(one: Sent) -> Judged:
-    """A line of a version that says neither ids nor labels cannot be followed."""
-    why = "its line is of a version that says too little"
-    more = {"t": one.t, "bytes": one.bytes, "channel": one.channel, "language": one.language}
-    return _about(one, Verdict.NOT_JUDGED, why, **more)
-
-
-def _of_sent(one: Sent, design: Design) -> tuple[str, Communicate, tuple[str, Kind]]:
-    """Key, communicate without its content, and what its content was."""
-    key = key_of(one, design.file.system.key)
-    communicate = Communicate(
-        performative=Performative(one.performative),
-        language=one.language,
-        ontology=one.ontology,
-        protocol=one.protocol,
-        reply_by=one.reply_by,
-        reply_with=one.reply_with,
-        in_reply_to=one.in_reply_to,
-        conversation=one.conversation,
-        sender=one.sender,
-        receiver=one.receiver,
-        id=one.id,
-        sent=one.sent,
-    )
-    return key, communicate, (one.content, Kind(one.use))
 
 
 def encoded(one: Judged) -> bytes:

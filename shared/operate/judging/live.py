@@ -11,11 +11,10 @@ import msgspec
 from agent_runtime.core import peers
 from agent_runtime.core.peers import Unheard
 from fipa_codec.communicate import UNREADABLE
-from operate.recording.fault_file import fault_in
-from operate.recording.records import House, Record, Spoken, Token
-from operate.run_folder import Again, AgentIn, Happened, LiveLine, Sent
+from operate.recording.records import House, Record, Spoken, Token, fault_in
+from operate.run_folder import Again, AgentIn, Happened, LiveLine, Sent, alike
 from operate.system import System
-from topdown.judge.copies import Remembered
+from topdown.judge.conversations import Remembered
 
 KNOWN = 50_000
 """Communicates whose copies are told as such, 10 MB (estimate)."""
@@ -58,7 +57,7 @@ class Live:
                     yield self._spoken(record)
                     yield from self._further(record)
                 else:
-                    yield Again(t=record.received, sender=record.sender, receiver=record.receiver, id=record.id)
+                    yield alike(Again, record, t=record.received)
             case Token(agent=agent, alive=alive, received=t):
                 state = self._states[agent].state if agent in self._states else ""
                 born = record.incarnation if alive else 0
@@ -86,24 +85,18 @@ class Live:
             yield Happened(t=house.received, name="fault", text=f"{fault.words}: {told}")
 
     def _spoken(self, one: Spoken) -> Sent:
-        return Sent(
+        communicate, content = one.communicate, one.content
+        return alike(
+            Sent,
+            one,
             t=one.received,
-            channel=one.channel,
-            sender=one.sender,
-            receiver=one.receiver,
-            protocol=one.protocol,
-            performative=one.performative,
             bytes=one.size,
-            language=one.language,
-            conversation=one.conversation,
-            text=self._words(one.content),
-            id=one.id,
-            reply_with=one.communicate.reply_with,
-            in_reply_to=one.communicate.in_reply_to,
-            reply_by=one.communicate.reply_by,
-            sent=one.sent,
-            ontology=one.communicate.ontology,
-            content="" if one.content is None else f"{one.language}.{type(one.content).__name__}",
+            text=self._words(content),
+            reply_with=communicate.reply_with,
+            in_reply_to=communicate.in_reply_to,
+            reply_by=communicate.reply_by,
+            ontology=communicate.ontology,
+            content="" if content is None else f"{one.language}.{type(content).__name__}",
             use=one.kind,
         )
 
@@ -121,7 +114,7 @@ class Live:
         before = self._not_heard.get(beat.agent, ())
         self._not_heard[beat.agent] = beat.unheard
         yield from (
-            Happened(t=t, name="unheard", text=peers.words(beat.agent, one, t))
+            Happened(t=t, name="unheard", text=peers.unheard_text(beat.agent, one, t))
             for one in beat.unheard
             if one not in before
         )

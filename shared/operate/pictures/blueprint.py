@@ -4,9 +4,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
-from operate.pictures.graph import HIGH, WIDE
-from operate.pictures.sequence import SEQUENCE
 from operate.pictures.sheet import RUN
+from operate.pictures.traffic import HIGH, SEQUENCE, WIDE
 
 LIVE_S = 90.0
 """Time span of live plots [s]; estimate: a minute and a half is what a person looks back."""

@@ -15,8 +15,8 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -62,7 +62,7 @@ class Queue:
                 self.dropped += 1
 
     def take(self, most: int = BATCH_BYTES) -> list[Item]:
-        """Return the oldest items of at most this many bytes, at least one if there is one."""
+        """The oldest items of at most this many bytes, at least one if there is one."""
         taken: list[Item] = []
         size = 0
         with self._lock:
@@ -108,7 +108,7 @@ class Feed:
 
     @property
     def dropped(self) -> int:
-        """Return the number of items that found no room so far."""
+        """The number of items that found no room so far."""
         return self._queue.dropped
 
     @property
@@ -150,8 +150,10 @@ class Feed:
         pause = FIRST_PAUSE_S
         while not self._over.is_set():
             try:
-                with self._ports() as ports:
-                    self._serve_at(ports)
+                place = self._place
+                with opened(place.bind, place.grpc) as grpc, opened(place.bind, place.web) as web:
+                    tell(self._run, place)
+                    self._serve_at((grpc, web))
             except OSError as error:  # another program has one of them
                 self._tell_end(error)
                 self._over.wait(pause)
@@ -159,35 +161,19 @@ class Feed:
 
     def _serve_at(self, ports: tuple[socket.socket, socket.socket]) -> None:
         pause = FIRST_PAUSE_S
-        while self._asked(ports):
+        # until somebody connects, or the end is asked for first
+        while not self._over.is_set() and self._woken not in select.select([*ports, self._woken], [], [])[0]:
             began = time.monotonic()
             try:
-                self._show(ports)
+                self._looking = True
+                self._start(ports)
+                self._write()
             except OSError as error:  # the pipe broke: the child is gone; or no process could be made
                 self._tell_end(error)
+            finally:
+                self._looking = False
             pause = FIRST_PAUSE_S if time.monotonic() - began > LONGEST_PAUSE_S else min(2 * pause, LONGEST_PAUSE_S)
             self._over.wait(pause)
-
-    @contextmanager
-    def _ports(self) -> Iterator[tuple[socket.socket, socket.socket]]:
-        """Hold both ports open, and tell where they are. Raises OSError where they cannot be had."""
-        place = self._place
-        with opened(place.bind, place.grpc) as grpc, opened(place.bind, place.web) as web:
-            tell(self._run, place)
-            yield grpc, web
-
-    def _asked(self, ports: tuple[socket.socket, socket.socket]) -> bool:
-        """Wait until somebody connects; return False where the end is asked for first."""
-        return not self._over.is_set() and self._woken not in select.select([*ports, self._woken], [], [])[0]
-
-    def _show(self, ports: tuple[socket.socket, socket.socket]) -> None:
-        """Have the child draw until nobody looks any more. Raises OSError where it ends otherwise."""
-        self._looking = True
-        try:
-            self._start(ports)
-            self._write()
-        finally:
-            self._looking = False
 
     def _start(self, ports: tuple[socket.socket, socket.socket]) -> None:
         files = [port.fileno() for port in ports]

@@ -46,6 +46,6 @@ def laid_out(system: System, end_s: float | None) -> rrb.Blueprint:
 
 
 def end_s(history: History) -> float:
-    """Return the duration of the run [s]."""
+    """The duration of the run [s]."""
     times = [one.received for one in history.said[-1:]] + [at for at, _ in history.told[-1:]]
     return max(times, default=history.begin) - history.begin or 1.0

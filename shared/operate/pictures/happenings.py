@@ -9,9 +9,8 @@ from typing import Any
 import msgspec
 
 from fipa_codec.communicate import UNREADABLE
-from operate.recording.fault_file import fault_in
 from operate.recording.history import History, state_in
-from operate.recording.records import House, Record, Spoken, Token
+from operate.recording.records import House, Record, Spoken, Token, fault_in
 from operate.system import System
 
 

@@ -6,11 +6,9 @@ from typing import Protocol
 import rerun as rr
 
 from operate.pictures.colours import FRESH, GREY, RED
-from operate.pictures.graph import Graph
 from operate.pictures.happenings import Happening, Lost
-from operate.pictures.sequence import Sequence
 from operate.pictures.sheet import Colour, Sheet, states
-from operate.pictures.traffic import Bandwidth, Log, Sizes
+from operate.pictures.traffic import Bandwidth, Graph, Log, Sequence, Sizes
 from operate.recording.history import Entered
 from operate.run_folder import Fault, Judged
 from operate.system import System

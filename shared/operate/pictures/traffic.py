@@ -1,13 +1,14 @@
-"""Traffic: a log with its level by verdict, sizes over time (the paper's Figure 12), bandwidth (Figure 13)."""
+"""Traffic, live and afterwards: log, sizes (the paper's Figure 12), bandwidth (Figure 13), graph, sequence diagram."""
 
 import math
-from collections import defaultdict
+from collections import defaultdict, deque
 
 import rerun as rr
 
-from operate.pictures.colours import GREY, ORANGE, RED, channel
+from operate.pictures.colours import FRESH, GREY, ORANGE, RED, between, channel
 from operate.pictures.happenings import Happening, Lost
-from operate.pictures.sheet import Colour, Sheet, scalars, words
+from operate.pictures.sheet import Colour, Sheet, flat_arrows, nodes, scalars, words
+from operate.recording.history import Entered
 from operate.recording.records import Spoken
 from operate.run_folder import Judged
 from topdown.judge.verdicts import Verdict
@@ -31,7 +32,9 @@ class Log:
         match happening.what:
             case Judged() as one:
                 level = LEVELS.get(Verdict(one.verdict), "ERROR")
-                what = _line(one.sender, one.receiver, one.performative, one.text, one.bytes) if one.sender else one.key
+                text = f"  {one.text}" if one.text else ""
+                said = f"{one.sender} > {one.receiver}  {one.performative}{text}  ({one.bytes} B)"
+                what = said if one.sender else one.key
                 why = f"  {one.verdict.upper()}: {one.why}" if level not in ("INFO", "DEBUG") else ""
                 self._add(happening.at, one.channel, what + why, level)
             case Lost(samples=count):
@@ -116,5 +119,139 @@ class Bandwidth:
         self._last[name] = (start, kbit_s)
 
 
-def _line(sender: str, receiver: str, performative: str, text: str, size: int) -> str:
-    return f"{sender} > {receiver}  {performative}{'  ' + text if text else ''}  ({size} B)"
+# --- Agents and channels as a graph: agents with their state, channels alight while they carry traffic ----------------
+
+
+GRAPH = "graph"
+WIDE, HIGH = 165.0, 90.0
+"""Half axes of the ellipse agents stand on, in points of the viewer; estimate: labels do not meet."""
+DIM: Colour = (110, 118, 130)
+"""A channel at rest, on light and on dark."""
+FADE = 0.55
+"""Share of a channel's light that is left after a bin; estimate: dark a second after its last word."""
+FULL = 4.0
+"""So many communicates in a bin are full light."""
+
+
+class Graph:
+    """Draws the graph at each change of a state or of a light."""
+
+    def __init__(self, sheet: Sheet, design: Design) -> None:
+        self._sheet, self._design, self._bins = sheet, design, Bins()
+        self._light: dict[str, float] = dict.fromkeys(design.channels, 0.0)
+        self._states: dict[str, tuple[str, bool]] = {}
+        self._drawn: tuple[list[str], list[Colour]] | None = None
+        places = positions(design)
+        edges = [(agent, name) for name, one in design.channels.items() for agent in one.ends]
+        radii = [9.0 if name in design.agents else 6.0 for name in places]
+        look = rr.GraphNodes(list(places), positions=list(places.values()), radii=radii, show_labels=True)
+        sheet.static(GRAPH, look)
+        sheet.static(GRAPH, rr.GraphEdges(edges))
+
+    def take(self, happening: Happening) -> None:
+        """Count a communicate, or note a state."""
+        match happening.what:
+            case Spoken(channel=name):
+                self._bins.add(name, 1.0)
+            case Entered(agent=agent, state=state, alive=alive):
+                self._states[agent] = (state, alive)
+
+    def pass_time(self, at: float) -> None:
+        """Let lights fade and draw what changed."""
+        for start, sums in self._bins.close(at):
+            for name in self._light:
+                lit = self._light[name] * FADE + sums.get(name, 0.0)
+                self._light[name] = lit if lit > 0.05 else 0.0
+            now = self._now(sums)
+            if now != self._drawn:
+                self._drawn = now
+                self._sheet.add(GRAPH, nodes, start, now)
+
+    def _now(self, sums: dict[str, float]) -> tuple[list[str], list[Colour]]:
+        labels, colours = [], []
+        for agent in self._design.agents:
+            state, alive = self._states.get(agent, ("", True))
+            labels.append(f"{agent}: {state}" if alive and state else agent if alive else f"{agent}: gone")
+            colours.append(FRESH if alive and state else GREY if alive else RED)
+        for name, light in self._light.items():
+            rate = sums.get(name, 0.0) / BIN_S
+            labels.append(f"{name} {rate:.0f}/s" if rate else name)
+            colours.append(between(DIM, channel(name), min(1.0, light / FULL) ** 0.5))
+        return labels, colours
+
+
+def positions(design: Design) -> dict[str, tuple[float, float]]:
+    """Agents on an ellipse, neighbours by channels side by side; each channel in the middle of its two."""
+    around = ring(design)
+    turn = 2 * math.pi / len(around)
+    places = {a: (-WIDE * math.cos(turn * k), -HIGH * math.sin(turn * k)) for k, a in enumerate(around)}
+    ordered = {agent: places[agent] for agent in design.agents}
+    for name, one in design.channels.items():
+        (ax, ay), (bx, by) = (places[agent] for agent in one.ends)
+        ordered[name] = ((ax + bx) / 2, (ay + by) / 2)
+    return ordered
+
+
+def ring(design: Design) -> list[str]:
+    """The agents so that channels lead from one to the next, where they do; the least connected first."""
+    beside = {
+        a: [b for one in design.channels.values() if a in one.ends for b in one.ends if b != a] for a in design.agents
+    }
+    found: list[str] = []
+    waiting = sorted(beside, key=lambda agent: len(beside[agent]))
+    while waiting:
+        near = [agent for agent in waiting if found and agent in beside[found[-1]]]
+        found.append(min(near, key=lambda agent: len(beside[agent])) if near else waiting[0])
+        waiting.remove(found[-1])
+    return found
+
+
+# --- The newest communicates as a sequence diagram: a lane for each agent, an arrow for each communicate, newest below
+
+
+SEQUENCE = "sequence"
+ARROWS, LANES, NAMES = (f"{SEQUENCE}/{part}" for part in ("arrows", "lanes", "agents"))
+ROWS = 20
+"""Communicates that are drawn; estimate: as many with their labels as a view has room for."""
+APART, ROW_HIGH = 200.0, 42.0
+"""Between lanes and between arrows, in points of the viewer; estimate: labels do not meet."""
+MOST_LETTERS = 52
+"""Largest number of letters of a label. Estimate: it fits into two lanes."""
+
+
+class Sequence:
+    """Draws the diagram again when something was said, at most once in BIN_S."""
+
+    def __init__(self, sheet: Sheet, design: Design) -> None:
+        self._sheet = sheet
+        self._lanes = {agent: APART * k for k, agent in enumerate(ring(design))}
+        self._said: deque[Spoken] = deque(maxlen=ROWS)
+        self._drawn, self._changed = 0.0, False
+        lanes = [[(x, 0.0), (x, ROW_HIGH * (ROWS + 1))] for x in self._lanes.values()]
+        sheet.static(LANES, rr.LineStrips2D(lanes, colors=[GREY], radii=[-0.5]))  # negative: in points of the screen
+        places = [(x, -ROW_HIGH) for x in self._lanes.values()]
+        sheet.static(
+            NAMES, rr.Points2D(places, labels=list(self._lanes), colors=[FRESH], radii=[-2.0], show_labels=True)
+        )
+        sheet.static(ARROWS, rr.Arrows2D.from_fields(radii=[-1.0], show_labels=True))
+
+    def take(self, happening: Happening) -> None:
+        """Note a communicate."""
+        if isinstance(happening.what, Spoken):
+            self._said.append(happening.what)
+            self._changed = True
+
+    def pass_time(self, at: float) -> None:
+        """Draw what was said, if the last drawing was BIN_S ago."""
+        if self._changed and at - self._drawn > BIN_S:
+            self._drawn, self._changed = at, False
+            rows = [self._arrow(row, one) for row, one in enumerate(self._said, 1)]
+            self._sheet.add(ARROWS, flat_arrows, self._said[-1].received, rows)
+
+    def _arrow(
+        self, row: int, one: Spoken
+    ) -> tuple[tuple[float, float], tuple[float, float], str, tuple[int, int, int]]:
+        start, end = self._lanes[one.sender], self._lanes[one.receiver]
+        text = f"{one.conversation}: {one.performative} {one.text}".rstrip()
+        text = text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 1]}…"
+        return (start, ROW_HIGH * row), (end - start, 0.0), text, channel(one.channel)

@@ -45,7 +45,7 @@ def wanted(environment: Mapping[str, str], number: int = 0) -> Place | None:
 
 
 def opened(bind: str, port: int) -> socket.socket:
-    """Return a socket that listens there. Raise OSError where another program does."""
+    """A socket that listens there. Raises OSError where another program does."""
     listener = socket.socket()
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

@@ -4,7 +4,6 @@ Must not know: what a content means, the network.
 """
 
 import hashlib
-import sys
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -18,20 +17,24 @@ from operate.recording.stored import CONTENTS, NOTE, TORN, NoRecordingError, sto
 from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
 
-"""Name of the metadata in which a recorder writes what it was."""
 PROJECT = "robot-companion"
 DIGITS = 12
 """Digits of a design's digest: enough to tell two designs apart."""
 
 
 class Counted(msgspec.Struct):
-    """A topic or a key of it: messages, their bytes, when the first and the last was heard [unix s]."""
+    """A topic, or a key of it: messages, their bytes, when the first and the last was heard [unix s].
+
+    Of a topic also its schema, and its keys: what stands on the router's keys behind the system's name.
+    """
 
     name: str
     count: int = 0
     bytes: int = 0
     first: float = 0.0
     last: float = 0.0
+    schema: str = ""
+    keys: dict[str, "Counted"] = {}
 
     def add(self, at: float, size: int) -> None:
         """Count a message."""
@@ -39,13 +42,6 @@ class Counted(msgspec.Struct):
         self.last = max(self.last, at)
         self.count += 1
         self.bytes += size
-
-
-class Topic(Counted):
-    """A topic with its schema, and its keys: what stands on the router's keys behind the system's name."""
-
-    schema: str = ""
-    keys: dict[str, Counted] = {}
 
 
 class Contents(msgspec.Struct):
@@ -57,9 +53,15 @@ class Contents(msgspec.Struct):
     file: str
     bytes: int
     whole: bool
-    topics: list[Topic]
+    topics: list[Counted]
     versions: dict[str, str]
     notes: dict[str, dict[str, str]]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Times at which the first and the last message were heard; zeros without any."""
+        heard = [one for one in self.topics if one.count]
+        return min((one.first for one in heard), default=0.0), max((one.last for one in heard), default=0.0)
 
 
 class _Key(msgspec.Struct):
@@ -121,14 +123,14 @@ def contents(file: Path) -> Contents:
 
 
 def _count(records: Iterator[McapRecord], told: Contents) -> None:
-    topics: dict[int, Topic] = {}
+    topics: dict[int, Counted] = {}
     schemas: dict[int, str] = {}
     for found in records:
         match found:
             case Header():
                 told.versions |= {"format": found.profile, "library": found.library}
             case Channel() if found.id not in topics:  # the summary at the end repeats them
-                topics[found.id] = Topic(found.topic, schema=schemas.get(found.schema_id, found.message_encoding))
+                topics[found.id] = Counted(found.topic, schema=schemas.get(found.schema_id, found.message_encoding))
                 told.topics.append(topics[found.id])
             case Message() if found.channel_id in topics:
                 _add(topics[found.channel_id], found)
@@ -142,7 +144,7 @@ def _count(records: Iterator[McapRecord], told: Contents) -> None:
                 schemas[found.id] = found.name
 
 
-def _add(topic: Topic, message: Message) -> None:
+def _add(topic: Counted, message: Message) -> None:
     at, size = message.log_time / 1e9, len(message.data)
     topic.add(at, size)
     try:
@@ -151,8 +153,3 @@ def _add(topic: Topic, message: Message) -> None:
         return
     if words:
         topic.keys.setdefault(words, Counted(words)).add(at, size)
-
-
-def main(file: Path) -> None:
-    """Print what is in a recording as JSON. Raise NoRecordingError."""
-    sys.stdout.buffer.write(msgspec.json.encode(contents(file)) + b"\n")

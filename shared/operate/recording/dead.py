@@ -8,7 +8,6 @@ outlives restarts. Must not know: who looks at them.
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -16,10 +15,9 @@ from agent_runtime.core.state import Outgoing
 from agent_runtime.io import journal
 from fipa_codec.communicate import Communicate, decode_strictly, encode
 from fipa_codec.errors import FipaError
-from operate.recording import reading
-from operate.recording.mcap_file import Read
 from operate.recording.records import Garbage, Origin, Spoken
-from operate.run_folder import Dead, DeadLetter
+from operate.recording.run import Run
+from operate.run_folder import Dead, DeadLetter, alike
 from operate.system import System
 
 JOURNAL, LOGS = "journal", "logs"
@@ -32,7 +30,7 @@ TURNED_AWAY = {
     "not understood": Dead.NOT_UNDERSTOOD,
     "stray": Dead.OVER,
 }
-"""Events of an agent's log that tell of a communicate it did not take (agent_runtime.core.intake and verdict)."""
+"""Events of an agent's log that tell of a communicate it did not take (agent_runtime.core.reception and verdict)."""
 TOO_LONG = "TooLongError: "
 """Before the reason, in the last line of the traceback of an agent that was to send more than is put."""
 
@@ -60,23 +58,22 @@ class _Kept(msgspec.Struct):
 _line, _kept = msgspec.json.Decoder(_Line), msgspec.msgpack.Decoder(_Kept)
 
 
-def of_run(run: Path, system: System, now: float | None = None) -> list[DeadLetter]:
+def letters(run: Run, now: float | None = None) -> list[DeadLetter]:
     """Return the dead letters of a run folder, in the order of time; at `now` [unix s], else at present."""
     now = time.time() if now is None else now
-    heard = reading.of_run(run, system)
-    said = {one.identity: one for one in heard.records if isinstance(one, Spoken)}
+    said = {one.identity: one for one in run.records if isinstance(one, Spoken)}
     found = [
-        *_unfit(heard, system),
-        *_not_heard(heard, system, now),
-        *_turned_away(run, said),
-        *_not_receipted(run, system, now),
+        *_unfit(run),
+        *_not_heard(run, now),
+        *_turned_away(run.place, said),
+        *_not_receipted(run.place, run.system, now),
     ]
     return sorted(found, key=lambda one: one.t)
 
 
-def _unfit(heard: Read, system: System) -> Iterator[DeadLetter]:
+def _unfit(run: Run) -> Iterator[DeadLetter]:
     """Yield communicates that the design does not have, and samples that are not communicates."""
-    for record in heard.records:
+    for record in run.records:
         if not isinstance(record, Garbage):
             continue
         try:
@@ -85,16 +82,17 @@ def _unfit(heard: Read, system: System) -> Iterator[DeadLetter]:
             reason = Dead.TOO_LARGE if "are accepted" in record.reason else Dead.NO_COMMUNICATE
             yield DeadLetter(record.received, reason, record.reason, bytes=record.size, key=record.key)
             continue
-        reason = Dead.NO_RIGHT if one.receiver in system.design.agents else Dead.NO_RECEIVER
+        reason = Dead.NO_RIGHT if one.receiver in run.system.design.agents else Dead.NO_RECEIVER
         yield _letter(one, record.received, reason, record.reason, record.size)
 
 
-def _not_heard(heard: Read, system: System, now: float) -> Iterator[DeadLetter]:
+def _not_heard(run: Run, now: float) -> Iterator[DeadLetter]:
     """Volatile ones that only their sender's log has. Of observations the newest counts."""
-    for one in heard.records:
-        if not isinstance(one, Spoken) or one.origin is not Origin.SENDER or one.receiver not in system.design.agents:
+    design = run.system.design
+    for one in run.records:
+        if not isinstance(one, Spoken) or one.origin is not Origin.SENDER or one.receiver not in design.agents:
             continue
-        rule = system.design.rule(one.communicate)
+        rule = design.rule(one.communicate)
         if not rule.durable and "@" not in one.id and now - one.received >= ON_ITS_WAY_S:
             why = f"it did not reach {one.receiver}, which was down or out of reach"
             yield _letter(one.communicate, one.received, Dead.NOT_HEARD, why, one.size, one.text)
@@ -124,16 +122,13 @@ def _lines(path: Path) -> Iterator[_Line]:
 
 
 def _told(line: _Line, reason: Dead, said: Spoken | None) -> DeadLetter:
-    return DeadLetter(
-        t=line.t,
+    return alike(
+        DeadLetter,
+        line,
         reason=reason,
         why=line.why if reason is not Dead.TURNED_AWAY else f"{line.event}: {line.why}",
-        sender=line.sender,
         receiver=line.agent,
         protocol=said.protocol if said else "",
-        performative=line.performative,
-        conversation=line.conversation,
-        id=line.id,
         bytes=said.size if said else 0,
         text=said.text if said else "",
     )
@@ -171,8 +166,5 @@ def _text(one: Communicate, system: System) -> str:
 
 
 def _letter(one: Communicate, at: float, reason: Dead, why: str, size: int, text: str = "") -> DeadLetter:
-    told: dict[str, Any] = {
-        name: str(getattr(one, name))
-        for name in ("sender", "receiver", "protocol", "performative", "conversation", "id")
-    }
-    return DeadLetter(t=at, reason=reason, why=why, bytes=size, text=text, **told)
+    act = str(one.performative)
+    return alike(DeadLetter, one, t=at, reason=reason, why=why, performative=act, bytes=size, text=text)

@@ -20,11 +20,11 @@ from agent_runtime.core.effects import Receipt
 from agent_runtime.core.errors import StepLogError
 from agent_runtime.core.events import Arrived, Garbled, Receipted
 from agent_runtime.io import steplog
-from agent_runtime.io.steplog import BOOT, Said, checked
+from agent_runtime.io.steplog import BOOT, SentMessage, checked
 from fipa_codec.communicate import UNREADABLE, Communicate, encode
 from fipa_codec.errors import FipaError
-from operate.judging.judged import SYSTEM
 from operate.recording.records import (
+    RECORDED,
     Garbage,
     House,
     Identity,
@@ -35,7 +35,7 @@ from operate.recording.records import (
     Unpaired,
     spoken,
 )
-from operate.run_folder import STEPS
+from operate.run_folder import STEPS, alike
 from operate.system import System
 
 # --- Times at which agents heard something, by their own step logs: a latency ends when the asker hears the answer
@@ -101,7 +101,7 @@ def receipts(houses: Iterable[House]) -> Iterator[Told]:
 
 SETTLED_S = 0.1
 """A step is in its log so long after it was done, if its agent runs: it writes after 5 ms without a message, and at the
-latest after 64 steps (agent_runtime.io.diary). Later ones are told late, and out of order. Estimate."""
+latest after 64 steps (agent_runtime.io.step_recorder). Later ones are told late, and out of order. Estimate."""
 LOST_S = 5.0
 """A volatile communicate that nobody took for so long is lost (estimate: a frozen agent goes on within it)."""
 SURE_S = 1.0
@@ -203,7 +203,7 @@ class Ends:
         self._folder, self._system, self._begun = run / STEPS, system, dict(cursor or {})
         self._logs: dict[str, _Log] = {}
         self._alive = defaultdict[str, list[float]](list)
-        self._said: dict[Identity, tuple[tuple[Said, ...], float]] = {}
+        self._said: dict[Identity, tuple[tuple[SentMessage, ...], float]] = {}
         self._unsaid: dict[Identity, tuple[Communicate, float]] = {}
         self._paired: dict[Identity, frozenset[int]] = {}
         """A hash of each that both logs have: copies of it, whoever makes them, are no other words."""
@@ -324,7 +324,7 @@ class Ends:
 
     # --- two logs of one communicate ----------------------------------------------------------------------------------
 
-    def _went(self, said: Said, at: float) -> Iterator[Record]:
+    def _went(self, said: SentMessage, at: float) -> Iterator[Record]:
         one = said.communicate
         identity = one.sender, one.receiver, one.id
         if one.receiver not in self._system.design.agents:  # it keeps no log, so the sender's has the content
@@ -346,7 +346,7 @@ class Ends:
         elif hash(checked(one)) not in self._paired.get(identity, ()):
             _remember(self._unsaid, identity, (one, at))
 
-    def _compared(self, said: tuple[Said, ...], came: Communicate, at: float) -> Iterator[Unpaired]:
+    def _compared(self, said: tuple[SentMessage, ...], came: Communicate, at: float) -> Iterator[Unpaired]:
         """Yield that what came is none of what was said; remember all of it, to know later copies."""
         took, all_said = checked(came), [(one.communicate, one.check) for one in said]
         _remember(self._paired, (came.sender, came.receiver, came.id), frozenset(map(hash, (took, *all_said))))
@@ -396,7 +396,7 @@ class Ends:
         (*_, said), at = self._said.pop(identity)
         yield from self._by_sender(said, at)
 
-    def _by_sender(self, said: Said, at: float) -> Iterator[Record]:
+    def _by_sender(self, said: SentMessage, at: float) -> Iterator[Record]:
         """The record of a communicate that only its sender's log has; none of one that the design has not."""
         try:
             wire = encode(said.communicate)
@@ -423,27 +423,15 @@ def _not_sent(came: Communicate, at: float) -> Unpaired:
 
 
 def _unpaired(one: Communicate, at: float, why: str, *, altered: bool) -> Unpaired:
-    return Unpaired(
-        sender=one.sender,
-        receiver=one.receiver,
-        protocol=one.protocol,
-        performative=str(one.performative),
-        conversation=one.conversation,
-        id=one.id,
-        altered=altered,
-        why=why,
-        received=at,
-    )
+    return alike(Unpaired, one, performative=str(one.performative), altered=altered, why=why, received=at)
 
 
 def _receipted(one: Receipted, at: float, agent: str) -> House:
     """The record of a receipt for what an agent said."""
-    parts = {name: getattr(one, name) for name in Receipt.__struct_fields__ if name != "peer"}
-    receipt = Receipt(agent, **parts)
-    return House(RECEIPT, one.peer, agent, at, msgspec.msgpack.encode(receipt))
+    return House(RECEIPT, one.peer, agent, at, msgspec.msgpack.encode(alike(Receipt, one, peer=agent)))
 
 
 def _key(one: Communicate, system: System) -> str:
     """The key of a communicate that the design does not have, on no channel of it."""
     told = {name: str(getattr(one, name)) for name in ("sender", "receiver", "protocol", "performative")}
-    return system.design.file.system.key.format(system=SYSTEM, channel="unknown", **told)
+    return system.design.file.system.key.format(system=RECORDED, channel="unknown", **told)

@@ -18,7 +18,7 @@ from agent_runtime.io.secured import key_file
 from agent_runtime.io.tap import RECORDER, Sample, Waiting, open_tap
 from operate.recording.ends import Ends, ends_now
 from operate.recording.mcap_file import first
-from operate.recording.samples import sampled
+from operate.recording.records import sampled
 from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
 

@@ -6,7 +6,6 @@ Must not know: what a report wants of it.
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -14,15 +13,23 @@ import msgspec
 from fipa_codec.communicate import UNREADABLE
 from operate.fault_lines import done
 from operate.judging import judged
-from operate.recording import ends, reading
+from operate.recording import ends
 from operate.recording.ends import Hearing, Told, receipts
-from operate.recording.fault_file import KIND, FaultFile, fault_in
-from operate.recording.mcap_file import Read
-from operate.recording.records import SETTING, Garbage, House, Origin, Record, Spoken, Token
-from operate.run_folder import FLEET_FILE, Fault, Fleet, Judged, ProcessState, ProcessStatus
+from operate.recording.records import (
+    FAULT,
+    SETTING,
+    Garbage,
+    House,
+    Origin,
+    Record,
+    Setting,
+    Spoken,
+    Token,
+    fault_in,
+    setting_in,
+)
+from operate.run_folder import Fault, Judged, ProcessStatus
 from operate.system import System
-
-NOT_UP = (ProcessState.GIVEN_UP, ProcessState.BACKING_OFF)
 
 
 class Hole(msgspec.Struct, frozen=True):
@@ -41,14 +48,6 @@ class Entered(msgspec.Struct, frozen=True):
     agent: str
     state: str
     alive: bool = True
-
-
-class Setting(msgspec.Struct, frozen=True):
-    """Settings with which the fleet was started: `speed` "1" or "max"; `scene`: its file, "" for the canonical one."""
-
-    seed: int
-    speed: str
-    scene: str = ""
 
 
 class History(msgspec.Struct, frozen=True):
@@ -101,46 +100,13 @@ class _Beat(msgspec.Struct, frozen=True):
     state: str
 
 
-def load(run: Path, system: System) -> History:
-    """The history of a run folder of this system. What cannot be read is left out, never an error."""
-    return in_folder(read(reading.of_run(run, system), system), run)
-
-
-def of(place: Path, system: System) -> History:
-    """The history of a run folder, or of a recording (.mcap) alone. Raise NoRecordingError if it has no record."""
-    past = read(reading.of(place, system), system)
-    return in_folder(past, place) if place.is_dir() else past
-
-
-def in_folder(past: History, run: Path) -> History:
-    """Return a history with what the files of its run folder tell besides: processes that did not run, faults."""
-    return msgspec.structs.replace(past, down=_down(run), faults=_faults(run, past.faults))
-
-
-def _faults(run: Path, recorded: tuple[Fault, ...]) -> tuple[Fault, ...]:
-    """Return the faults of a run: those recorded, and what was written while no recorder lived."""
-    return done(sorted((*recorded, *FaultFile(run).new()), key=lambda one: one.t))
-
-
-def _down(run: Path) -> tuple[ProcessStatus, ...]:
-    """Return the processes that did not run in the end, by the supervisor's file; () without one."""
-    try:
-        told = msgspec.json.decode((run / FLEET_FILE).read_bytes(), type=Fleet)
-    except (OSError, msgspec.DecodeError):
-        return ()
-    return tuple(one for one in told.processes if one.state in NOT_UP and not one.optional)
-
-
-def read(run: Read, system: System) -> History:
-    """The history in the record of a run."""
-    return of_records(run.records, system, whole=run.whole)
-
-
-def of_records(records: Iterable[Record], system: System, *, whole: bool = True) -> History:
-    """The history in these records, in the order of time."""
+def of_records(
+    records: Iterable[Record], system: System, *, whole: bool = True, verdicts: tuple[Judged, ...] | None = None
+) -> History:
+    """The history in these records, in the order of time. `verdicts`: about them; None: they are judged now."""
     records = tuple(records)
     said, copies = _told_apart([record for record in records if isinstance(record, Spoken)])
-    houses = [record for record in records if isinstance(record, House) and record.kind not in (SETTING, KIND)]
+    houses = [record for record in records if isinstance(record, House) and record.kind not in (SETTING, FAULT)]
     return History(
         said=said,
         copies=copies,
@@ -151,8 +117,8 @@ def of_records(records: Iterable[Record], system: System, *, whole: bool = True)
         garbage=tuple(record for record in records if isinstance(record, Garbage)),
         houses=dict(Counter(house.kind for house in houses)),
         holes=(*_not_taken(said, system), *_torn(records, whole)),
-        judged=judged.of_records(records, system),
-        setting=next(_settings(records), None),
+        judged=judged.of_records(records, system) if verdicts is None else verdicts,
+        setting=next((one for record in records if (one := setting_in(record)) is not None), None),
         faults=done(fault for record in records if (fault := fault_in(record)) is not None),
         whole=whole,
     )
@@ -186,13 +152,6 @@ def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken
         (copies if copy else said).append(one)
         known.add(one.identity)
     return tuple(said), tuple(copies)
-
-
-def _settings(records: tuple[Record, ...]) -> Iterator[Setting]:
-    for record in records:
-        if isinstance(record, House) and record.kind == SETTING:
-            with suppress(*UNREADABLE):
-                yield msgspec.json.decode(record.data, type=Setting)
 
 
 def _decoded(houses: list[House], decoders: Mapping[str, Callable[[bytes], Any]]) -> Iterator[tuple[float, Any]]:

@@ -16,7 +16,7 @@ from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, Footer, Header, McapRecord, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC, Writer
 
-from agent_runtime.io.repair import free_name
+from agent_runtime.io.journal import free_name
 from agent_runtime.io.run_files import replaced
 from fipa_codec.communicate import UNREADABLE
 from operate.recording.stored import RECORD_LIMIT, TORN, NoRecordingError, stored

@@ -1,8 +1,7 @@
 """Reasons of a run: of one of its tasks, or of what is believed of a thing, where its system knows of things."""
 
-from pathlib import Path
-
-from operate.recording import traced
+from operate.recording.run import Run
+from operate.run_folder import NothingToRead
 from operate.system import System
 from operate.tracing.reasons import Why, absent, ending, words
 from operate.tracing.trace import Span, Trace
@@ -10,32 +9,26 @@ from operate.tracing.trace import Span, Trace
 WATCH = "subscribe"
 
 
-class NothingKnown(Exception):
+class NothingKnown(NothingToRead):
     """Nothing is recorded of what was asked about; it says what may be asked."""
 
 
-def of(file: Path, system: System, about: str, at: float | None = None) -> Why:
+def of(run: Run, about: str, at: float | None = None) -> Why:
     """Return the reasons. `at`: beliefs as they were then [s after the first communicate]. Raise NothingKnown."""
-    run = traced.of(file, system)
+    system = run.system
     tasks = people(run.trace, system)
-    if (span := _task(run.trace, tasks, about)) is not None:
-        return _of_task(run, span, system)
+    span = run.trace.named(about) if about else tasks[-1] if tasks else None
+    if span is not None:
+        return _of_task(run, span)
     if about and (believed := system.addition("believed")) is not None:
-        found: Why | None = believed(file, run, about, at)
+        found: Why | None = believed(run, about, at)
         if found is not None:
             return found
     known = ", ".join(one.id for one in tasks[-8:]) or "none"
     if about:
         thing = ", nor a thing that the system knew" if system.additions.believed else ""
         raise NothingKnown(f"{about!r} is no task of this run{thing}; its tasks are {known}")
-    raise NothingKnown(f"no task was asked for in {file}; give the folder of a run in which one was")
-
-
-def _task(trace: Trace, tasks: tuple[Span, ...], about: str) -> Span | None:
-    """Return the conversation of that name; without one the newest task."""
-    if not about:
-        return tasks[-1] if tasks else None
-    return next((one for one in trace.spans if about in (one.id, one.conversation)), None)
+    raise NothingKnown(f"no task was asked for in {run.place}; give the folder of a run in which one was")
 
 
 def people(trace: Trace, system: System) -> tuple[Span, ...]:
@@ -44,8 +37,8 @@ def people(trace: Trace, system: System) -> tuple[Span, ...]:
     return tuple(one for one in trace.roots if one.initiator not in asked and one.protocol != WATCH)
 
 
-def _of_task(run: traced.Run, span: Span, system: System) -> Why:
-    more = system.addition("why")
+def _of_task(run: Run, span: Span) -> Why:
+    more = run.system.addition("why")
     passages = [ending(run.trace, span), *([] if more is None else more(run, span)), absent(run.trace, span)]
     what, took, last = span.text or span.protocol, span.end - span.start, span.last
     ended = f"ended after {took:.1f} s with {last.performative}{f': {words(last)}' if words(last) else ''}"

@@ -21,26 +21,33 @@ import msgspec
 
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.full_disk import worded
-from agent_runtime.io.log_sender import KIND as PART
-from agent_runtime.io.log_sender import OFFSET, WANTED
 from agent_runtime.io.logs import WINDOW_S, Log, Repeats
 from agent_runtime.io.options import USAGE_ERROR, Options
-from agent_runtime.io.pulse import Pulse
+from agent_runtime.io.process_heartbeat import ProcessHeartbeat
 from agent_runtime.io.run_files import make_run
-from agent_runtime.io.steplog import MUCH_BYTES
+from agent_runtime.io.steplog import LOG_PART, LOG_WANTED, MUCH_BYTES, OFFSET
 from agent_runtime.io.tap import Sample, Tap, Waiting, open_tap
+from operate.fault_lines import FaultFile
 from operate.judging.judged import Judging, encoded
 from operate.judging.live import Live
 from operate.pictures.feed import Feed, feeding
 from operate.recording.contents import versions_now
 from operate.recording.ends import Ends
-from operate.recording.fault_file import KIND as FAULT
-from operate.recording.fault_file import OPERATOR, FaultFile
-from operate.recording.history import Setting
 from operate.recording.mcap_file import FILE, Recording, cursor
-from operate.recording.reading import HEARTBEAT
-from operate.recording.records import SETTING, Garbage, House, Record, Spoken, Token, understood
-from operate.recording.samples import sampled
+from operate.recording.records import (
+    FAULT,
+    HEARTBEAT,
+    OPERATOR,
+    SETTING,
+    Garbage,
+    House,
+    Record,
+    Setting,
+    Spoken,
+    Token,
+    sampled,
+    understood,
+)
 from operate.recording.stored import NOTE
 from operate.run_folder import LIVE_FILE, STEPS, VERDICTS_FILE, Against, Happened, Judged
 from operate.system import System
@@ -73,7 +80,7 @@ def folders(run: Path, systems: tuple[str, ...]) -> dict[str, Path]:
 
 # --- Step logs of agents on other hosts, or in containers of their own: copied into the recorder's run folder --------
 # An agent that lives and has no log in the folder is asked for it, each ASK_S, with what is there of it already
-# (agent_runtime.io.log_sender). So a copy is whole whenever the recorder began, and whatever was lost on the way; who
+# (agent_runtime.io.steplog). So a copy is whole whenever the recorder began, and whatever was lost on the way; who
 # reads the folder reads a copy as any other log.
 
 
@@ -112,7 +119,7 @@ class CopiedLogs:
             return
         self._asked = now
         for agent in sorted(self._of & self._living):
-            put(service_key(self._system, WANTED, own, agent), OFFSET.pack(self._size(agent)))
+            put(service_key(self._system, LOG_WANTED, own, agent), OFFSET.pack(self._size(agent)))
 
     def take(self, agent: str, data: bytes) -> None:
         """Add a part of a log to the copy, if it goes on from there. Raise OSError."""
@@ -237,7 +244,7 @@ class Recorder:
         """Record a sample, whatever it is."""
         record = understood(sample, self._system)
         match record:
-            case House(kind=kind) if kind == PART:
+            case House(kind=kind) if kind == LOG_PART:
                 self._copies.take(record.owner, record.data)
                 return
             case House(kind=kind) if kind == HEARTBEAT:
@@ -425,7 +432,7 @@ def serve(options: Options, system: System) -> int:
         signal.signal(number, waiting.stop)
     ready = run / f"{NAME}.ready"
     try:
-        pulse = Pulse(run, NAME)
+        pulse = ProcessHeartbeat(run, NAME)
         recorders = Recorders(where, system, log.write, pulse.beat)
         with ThreadPoolExecutor(1, initializer=_give_way) as pool:  # the reports have the priority of this thread again
             recording = pool.submit(_tap, options, recorders, waiting, pulse, log.write)
@@ -439,9 +446,10 @@ def serve(options: Options, system: System) -> int:
     recorders.each(Recorder.finish)
     ready.unlink(missing_ok=True)
     log.write("recorded", samples=recorders.counts, dropped=waiting.dropped)
+    from operate.recording.run import Run
     from operate.reports import make
 
-    made = [make.everything(folder, system, partial(log.write, system=name)) for name, folder in where.items()]
+    made = [make.everything(Run(folder, system), partial(log.write, system=name)) for name, folder in where.items()]
     log.close()
     return 0 if all(made) else 1
 
@@ -450,7 +458,7 @@ def _give_way() -> None:
     os.setpriority(os.PRIO_PROCESS, 0, os.getpriority(os.PRIO_PROCESS, 0) + NICENESS)  # of this thread alone
 
 
-def _tap(options: Options, recorders: Recorders, waiting: Waiting, pulse: Pulse, say: Say) -> None:
+def _tap(options: Options, recorders: Recorders, waiting: Waiting, pulse: ProcessHeartbeat, say: Say) -> None:
     """Record until no more is wanted; heartbeats and telemetry from when the router is there."""
     say("recording", **recorders.files)
     scene = str(options.scene) if options.scene else ""
@@ -483,7 +491,7 @@ def _listen(options: Options, waiting: Waiting, say: Say) -> Tap | None:
     return tap
 
 
-def _record(recorders: Recorders, waiting: Waiting, pulse: Pulse, tap: "Future[Tap | None]") -> None:
+def _record(recorders: Recorders, waiting: Waiting, pulse: ProcessHeartbeat, tap: "Future[Tap | None]") -> None:
     flushed = time.monotonic()
     while not waiting.stopped:
         pulse.beat()

@@ -4,23 +4,32 @@ A communicate is recorded with its fields, its whole bytes and its two times; wh
 Must not know: where records come from, what is made of them.
 """
 
+from contextlib import suppress
 from enum import StrEnum
 from functools import cached_property
 from typing import Any
 
 import msgspec
 
-from agent_runtime.core.wiring import HOUSE, parse_life
+from agent_runtime.core.wiring import HOUSE, life, parse_life, service_key
 from agent_runtime.io.tap import Sample
-from fipa_codec.communicate import Communicate, decode, decode_strictly, encode
+from fipa_codec.communicate import UNREADABLE, Communicate, decode, decode_strictly, encode
 from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind, Languages
+from operate.run_folder import Fault, Sent
 from operate.system import System
+from topdown.model.design import Design
 
 GARBAGE_BYTES = 64 * 1024
 """Number of bytes kept of a sample that is not a communicate; estimate: enough to see what it was."""
 SETTING = "setting"
 """Kind of the recorder's own first record."""
+HEARTBEAT = "state"
+"""Kind of what an agent tells each second."""
+FAULT, OPERATOR = "fault", "operator"
+"""Kind and owner of the records of faults; nobody says them on a key."""
+RECORDED = "recorded"
+"""Stands in the keys of records, which do not keep the system's name."""
 
 
 Identity = tuple[str, str, str]
@@ -132,6 +141,14 @@ class House(msgspec.Struct, frozen=True):
     data: bytes
 
 
+class Setting(msgspec.Struct, frozen=True):
+    """Settings with which the fleet was started: `speed` "1" or "max"; `scene`: its file, "" for the canonical one."""
+
+    seed: int
+    speed: str
+    scene: str = ""
+
+
 class Token(msgspec.Struct, frozen=True):
     """The liveliness token of an agent's incarnation appeared or vanished; `journal`: the name of its journal.
 
@@ -239,3 +256,65 @@ def _house(sample: Sample, chunks: list[str]) -> Record:
 
 def _garbage(sample: Sample, reason: str) -> Garbage:
     return Garbage(sample.key, len(sample.data), reason, sample.at, sample.data[:GARBAGE_BYTES])
+
+
+def fault_in(record: Record) -> Fault | None:
+    """Return the fault that a record tells of; None for any other record."""
+    if isinstance(record, House) and record.kind == FAULT:
+        with suppress(*UNREADABLE):
+            return msgspec.json.decode(record.data, type=Fault)
+    return None
+
+
+def setting_in(record: Record) -> Setting | None:
+    """Return the setting of the fleet, if this is the record of it."""
+    if isinstance(record, House) and record.kind == SETTING:
+        with suppress(*UNREADABLE):
+            return msgspec.json.decode(record.data, type=Setting)
+    return None
+
+
+def communicate_in(record: Record) -> Communicate | None:
+    """Return the communicate of a record, also of one that the design does not have; None where it is none."""
+    if isinstance(record, Spoken):
+        return record.communicate
+    try:
+        return decode_strictly(record.data) if isinstance(record, Garbage) else None
+    except FipaError:
+        return None
+
+
+# --- A record as the sample that it was made of, to look at or to replay ---------------------------------------------
+
+
+def sampled(record: Record, design: Design, system: str = RECORDED) -> Sample | None:
+    """Return a record as a sample, on keys of this system; None for what nobody said (Unpaired)."""
+    at = record.received
+    match record:
+        case Spoken():
+            size = record.size if record.lost else 0
+            return Sample(key_of(record, design.file.system.key, system), record.wire, at, size=size)
+        case Garbage(data=b"", reason=reason):
+            return Sample(record.key, b"", at, broken=reason)
+        case Garbage():
+            return Sample(record.key, record.data, at)
+        case Token():
+            key = service_key(system, "alive", record.agent, life(record.incarnation, record.journal))
+            return Sample(key, b"", at, token=True, gone=not record.alive)
+        case House():
+            peer = (record.peer,) if record.peer else ()
+            return Sample(service_key(system, record.kind, record.owner, *peer), record.data, at)
+        case Unpaired():
+            return None
+
+
+def key_of(one: Spoken | Sent, form: str, system: str = RECORDED) -> str:
+    """The key a recorded communicate was put on; `form`: how the design writes keys."""
+    return form.format(
+        system=system,
+        channel=one.channel,
+        sender=one.sender,
+        receiver=one.receiver,
+        protocol=one.protocol,
+        performative=one.performative,
+    )

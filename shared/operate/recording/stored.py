@@ -17,6 +17,8 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, McapRecord
 from mcap.stream_reader import StreamReader, breakup_chunk
 
+from operate.run_folder import NothingToRead
+
 RECORD_LIMIT = 64 * 1024 * 1024
 """A longer record is damage: the longest communicate has 4 MiB, a third more in base64, plus its fields."""
 CHUNK_LIMIT = 16 * 1024 * 1024
@@ -32,7 +34,7 @@ CONTENTS = "contents"
 GIVE = "give a run folder, or a recording (.mcap) of `roco record` or of a run"
 
 
-class NoRecordingError(Exception):
+class NoRecordingError(NothingToRead):
     """There is nothing to read at `path`, for this reason; `remedy`: what to do."""
 
     def __init__(self, path: Path, why: str, remedy: str = GIVE) -> None:

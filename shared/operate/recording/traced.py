@@ -5,9 +5,8 @@ Must not know: how a trace is shown.
 """
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -16,9 +15,9 @@ from agent_runtime.core.errors import StepLogError
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
 from fipa_codec.communicate import UNREADABLE, Communicate
-from operate.recording import history, reading
-from operate.recording.records import Spoken, Token
-from operate.run_folder import STEPS, Fault, Judged
+from operate.recording.history import History
+from operate.recording.records import Record, Spoken, Token
+from operate.run_folder import Fault, Judged, alike
 from operate.system import System
 from operate.tracing.trace import Away, Identity, Message, Step, Talk, Trace, spans
 from topdown.judge import follow
@@ -27,46 +26,21 @@ LONGEST_S = 60.0
 """From a fault to the return of its agent; estimate: it is started again in seconds, at worst in a minute."""
 
 
-class Run(msgspec.Struct, frozen=True):
-    """A run to be explained: its history, and its trace."""
-
-    history: history.History
-    trace: Trace
-
-
-def of(file: Path, system: System) -> Run:
-    """Return the trace of a run folder or a recording; of a recording alone all links are by time."""
-    folder = file.is_dir()
-    found = reading.of(file, system)
-    past = history.read(found, system)
-    if folder:
-        past = history.in_folder(past, file)
-    logs = sorted((file / STEPS).glob(f"*.{STEPS}")) if folder else []
+def of(records: Iterable[Record], past: History, logs: Iterable[Path], system: System) -> Trace:
+    """Return the trace of a run; `logs`: the step logs of its agents."""
     said = [_message(one, system) for one in past.said]
     steps = [step for log in logs for step in _steps(log, said, system)]
-    traced = Trace(
+    return Trace(
         system=system.name,
         begin=past.begin,
         spans=spans(list(_talks(said, past.judged, system)), steps),
-        away=tuple(_away(found.records, past.faults)),
+        away=tuple(_away(records, past.faults)),
     )
-    return Run(past, traced)
 
 
 def _message(one: Spoken, system: System) -> Message:
-    return Message(
-        sender=one.sender,
-        receiver=one.receiver,
-        id=one.id,
-        performative=one.performative,
-        protocol=one.protocol,
-        channel=one.channel,
-        conversation=one.conversation,
-        sent=one.sent,
-        heard=one.received,
-        text=system.about(one.content),
-        reason=system.why(one.content),
-    )
+    text, reason = system.about(one.content), system.why(one.content)
+    return alike(Message, one, heard=one.received, text=text, reason=reason)
 
 
 # --- conversations ----------------------------------------------------------------------------------------------------
@@ -167,7 +141,7 @@ def _identity(one: Communicate) -> Identity:
 # --- who was away -----------------------------------------------------------------------------------------------------
 
 
-def _away(records: tuple[Any, ...], faults: tuple[Fault, ...]) -> Iterator[Away]:
+def _away(records: Iterable[Record], faults: tuple[Fault, ...]) -> Iterator[Away]:
     """Yield the times in which an agent was gone, by the tokens of its lives."""
     gone: dict[str, float] = {}
     lives: dict[str, int] = {}

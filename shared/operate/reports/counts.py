@@ -1,6 +1,7 @@
 """Figures of the traffic: who told whom how often (the paper's Table 8), sizes, bytes over time, how long answers take.
 
-All from a History's communicates; re-sent copies are counted apart. A latency is what the sender waited, by its own
+The defaults are for reports of older versions, which lack a figure. All from a History's communicates; re-sent copies
+are counted apart. A latency is what the sender waited, by its own
 step log; without one, as the recorder heard it. All other times are the recorder's.
 """
 
@@ -27,11 +28,11 @@ SMALL_BYTES = 500
 class Sizes(msgspec.Struct, frozen=True):
     """Sizes of some communicates [bytes]."""
 
-    count: int
-    total: int
-    least: int
-    mean: float
-    largest: int
+    count: int = 0
+    total: int = 0
+    least: int = 0
+    mean: float = 0.0
+    largest: int = 0
 
 
 class Communicates(msgspec.Struct, frozen=True):
@@ -40,14 +41,14 @@ class Communicates(msgspec.Struct, frozen=True):
     `over_budget`: channel -> communicates larger than the design allows; `small`: share of those under 500 bytes.
     """
 
-    total: int
-    matrix: dict[str, dict[str, int]]
-    bytes: dict[str, int]
-    per_channel: dict[str, Sizes]
-    over_budget: dict[str, int]
-    copies: int
-    garbage: int
-    small: float | None
+    total: int = 0
+    matrix: dict[str, dict[str, int]] = {}
+    bytes: dict[str, int] = {}
+    per_channel: dict[str, Sizes] = {}
+    over_budget: dict[str, int] = {}
+    copies: int = 0
+    garbage: int = 0
+    small: float | None = None
 
 
 class Spans(msgspec.Struct, frozen=True):
@@ -56,11 +57,11 @@ class Spans(msgspec.Struct, frozen=True):
     `p95`, `p99`: null where there are too few of them (operate.quantiles).
     """
 
-    count: int
-    p50: float
-    p95: float | None
-    p99: float | None
-    max: float
+    count: int = 0
+    p50: float = 0.0
+    p95: float | None = None
+    p99: float | None = None
+    max: float = 0.0
 
     @property
     def most(self) -> tuple[float, float]:
@@ -77,9 +78,9 @@ class Latency(msgspec.Struct, frozen=True):
 
     channel: str
     use: str
-    budget_ms: float
-    answer: Spans | None
-    receipt: Spans | None
+    budget_ms: float = 0.0
+    answer: Spans | None = None
+    receipt: Spans | None = None
 
 
 def communicates(history: History, design: Design, order: tuple[str, ...] = ()) -> Communicates:
@@ -138,7 +139,7 @@ def bandwidth(said: Iterable[Spoken], start: float, end: float, bin_s: float) ->
 
 def _sizes(sizes: list[int]) -> Sizes:
     if not sizes:
-        return Sizes(0, 0, 0, 0.0, 0)
+        return Sizes()
     return Sizes(len(sizes), sum(sizes), min(sizes), sum(sizes) / len(sizes), max(sizes))
 
 

@@ -80,7 +80,7 @@ def sizes(history: History, design: Design, stretches: Iterable[tuple[float, flo
                     zorder=3,
                 )
         axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(_in_bytes)
+        axes.yaxis.set_major_formatter(in_bytes)
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel("time after the first communicate [s]")
         axes.set_ylabel("size")
@@ -191,7 +191,8 @@ def _shade(axes: Axes, stretches: Iterable[tuple[float, float, str]]) -> None:
         axes.text(start, 0.985, f" {name}", transform=place, va="top", color=ACCENT, fontsize=8)
 
 
-def _in_bytes(value: float, _: float) -> str:
+def in_bytes(value: float, _: float) -> str:
+    """A tick of an axis of sizes."""
     return f"{value:g} B" if value < 1e3 else f"{value / 1e3:g} kB" if value < 1e6 else f"{value / 1e6:g} MB"
 
 

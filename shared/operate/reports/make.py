@@ -5,38 +5,37 @@ Page and pictures are left out where their libraries are not installed, as in th
 
 import traceback
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from agent_runtime.io.run_files import write_whole
 from operate.judging.judged import encoded
-from operate.recording import history
+from operate.recording.run import Run
 from operate.reports import report
 from operate.run_folder import REPORT_FILE, RRD_FILE, VERDICTS_FILE
-from operate.system import System
 
 PAGE_FILE = "report.html"
 Say = Callable[..., None]
 
 
-def everything(run: Path, system: System, say: Say) -> bool:
+def everything(run: Run, say: Say) -> bool:
     """Make all three; `say(event, level, **fields)` is told what was made and what was not.
 
     Where no recorder ended in order its verdicts are made again, too. True: all that can be made here.
     """
+    folder = run.place
     try:
-        past = history.load(run, system)
-        figures = report.of(past, system)
-        report.write(run, figures)
+        past = run.history
+        figures = report.of(past, run.system)
+        report.write(folder, figures)
     except Exception:  # the recording stays: the report can be made again by a later version
         say("no report", level="error", why=traceback.format_exc())
         return False
     if not past.whole:
-        write_whole(run / VERDICTS_FILE, b"".join(map(encoded, past.judged)))  # no recorder judged it to its end
+        write_whole(folder / VERDICTS_FILE, b"".join(map(encoded, past.judged)))  # no recorder judged it to its end
     outcome = {name: getattr(figures, name) or "" for name in ("success", "failure") if hasattr(figures, name)}
-    say("report", **outcome, file=str(run / REPORT_FILE))
-    page = _try(PAGE_FILE, lambda: _page(run, system, past, figures), say)
-    pictures = _try(RRD_FILE, lambda: _pictures(run, system, past), say)
+    say("report", **outcome, file=str(folder / REPORT_FILE))
+    page = _try(PAGE_FILE, lambda: _page(run, figures), say)
+    pictures = _try(RRD_FILE, lambda: _pictures(run), say)
     return page and pictures
 
 
@@ -54,15 +53,15 @@ def _try(name: str, make: Callable[[], None], say: Say) -> bool:
     return True
 
 
-def _page(run: Path, system: System, past: history.History, figures: Any) -> None:
+def _page(run: Run, figures: Any) -> None:
     from operate.reports import page
 
-    own = system.addition("page")
-    text = own(past, figures, run.name) if own is not None else page.rendered(past, figures, run.name, system)
-    write_whole(run / PAGE_FILE, text.encode())
+    past, name, own = run.history, run.place.name, run.system.addition("page")
+    text = page.rendered(past, figures, name, run.system) if own is None else own(past, figures, name)
+    write_whole(run.place / PAGE_FILE, text.encode())
 
 
-def _pictures(run: Path, system: System, past: history.History) -> None:
+def _pictures(run: Run) -> None:
     from operate.pictures import file
 
-    file.write(run / RRD_FILE, past, system)
+    file.write(run.place / RRD_FILE, run.history, run.system)

@@ -1,6 +1,6 @@
 """report.html of any system: one file that needs nothing else. A system may have a page of its own."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -64,12 +64,13 @@ def latencies(rows: tuple[Latency, ...]) -> str:
     return template(LATENCY).render(rows=rows, figure=figures.latencies(rows))
 
 
-def template(file: Path) -> jinja2.Template:
-    """Return a page's template, with the filters for numbers."""
+def template(file: Path, **filters: Callable[..., str]) -> jinja2.Template:
+    """Return a page's template, with the filters for numbers and further ones."""
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters |= {"number": number, "size": size, "ms": milliseconds, "share": share, "place": place}
+    environment.filters |= filters
     return environment.from_string(file.read_text(encoding="utf-8"))
 
 

@@ -13,7 +13,7 @@ import msgspec
 from agent_runtime.io.run_files import write_whole
 from operate.recording.history import History
 from operate.reports import counts
-from operate.run_folder import REPORT_FILE
+from operate.run_folder import REPORT_FILE, alike
 from operate.system import System
 from topdown.judge.verdicts import Verdict
 
@@ -150,22 +150,7 @@ def judged(history: History) -> Judged | None:
     """Return the judge's verdicts; None where nothing was recorded that could be judged."""
     if not history.judged:
         return None
-    against = tuple(
-        NotAsDesigned(
-            t=one.t - history.begin,
-            verdict=one.verdict,
-            channel=one.channel,
-            sender=one.sender,
-            receiver=one.receiver,
-            protocol=one.protocol,
-            performative=one.performative,
-            conversation=one.conversation,
-            id=one.id,
-            why=one.why,
-        )
-        for one in history.judged
-        if one.violation
-    )
+    against = tuple(alike(NotAsDesigned, one, t=one.t - history.begin) for one in history.judged if one.violation)
     counted = Counter(one.verdict for one in history.judged)
     heard = {(one.t, one.sender, one.receiver, one.id) for one in history.judged}
     return Judged(
@@ -178,22 +163,14 @@ def judged(history: History) -> Judged | None:
 def holes(history: History) -> tuple[HoleAt, ...]:
     """Return what was not recorded."""
     begin = history.begin
-    return tuple(HoleAt(hole.start - begin, hole.end - begin, hole.communicates, hole.text) for hole in history.holes)
+    return tuple(alike(HoleAt, hole, start=hole.start - begin, end=hole.end - begin) for hole in history.holes)
 
 
 def faults(history: History) -> tuple[FaultAt, ...]:
     """Return the faults that were done on purpose."""
     begin = history.begin
     return tuple(
-        FaultAt(
-            one.kind,
-            one.target,
-            one.at,
-            one.began - begin,
-            None if one.ended is None else one.ended - begin,
-            one.text,
-            one.what,
-        )
+        alike(FaultAt, one, start=one.began - begin, end=None if one.ended is None else one.ended - begin)
         for one in history.faults
     )
 

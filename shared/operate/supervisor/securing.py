@@ -13,17 +13,17 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from agent_runtime.io.links import UNIX_SOCKET
 from agent_runtime.io.reaching import free_port
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTER, key_file
+from agent_runtime.io.sessions import UNIX_SOCKET
 from operate.wires.files import place
 from topdown.model.design import Design
 
 TLS, PLAIN = "tls/", "tcp/"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 DAYS = 7.0
-"""Lifetime of keys, as agent_runtime.io.keys has it (a test compares): that module is loaded beside the start."""
+"""Lifetime of keys, as agent_runtime.io.issuing has it (a test compares): that module is loaded beside the start."""
 LAST = 1 / 7
 """Of the time that keys hold: then they are renewed (of a week its last day: as long as a machine may sleep)."""
 AGAIN_S = 60.0  # estimate: a day is left
@@ -131,10 +131,10 @@ class Keys:
         return self._due == float("inf") or key_file(self.folder or Path(), ROUTER).exists()
 
     def _make(self) -> dt.datetime:
-        from agent_runtime.io import issuing, keys
+        from agent_runtime.io import issuing
 
         assert self.folder is not None
-        hosts = tuple(dict.fromkeys((*keys.HOSTS, place(self.address)[0])))
+        hosts = tuple(dict.fromkeys((*issuing.HOSTS, place(self.address)[0])))
         systems, now = (self._system,), dt.datetime.fromtimestamp(time.time(), dt.UTC)
         made = issuing.issue(
             self.folder,
@@ -145,7 +145,7 @@ class Keys:
             now=now,
         )
         until = made.until
-        self._from = until.timestamp() - self._days * 86400.0 - keys.BACK.total_seconds() / 2
+        self._from = until.timestamp() - self._days * 86400.0 - issuing.BACK.total_seconds() / 2
         self._due = until.timestamp() - LAST * self._days * 86400.0
         return until
 

@@ -26,7 +26,7 @@ from agent_runtime.io import forked
 from agent_runtime.io.fleet_processes import set_stop
 from agent_runtime.io.forked import Forked, Handed, fork
 from agent_runtime.io.options import USAGE_ERROR
-from agent_runtime.io.pulse import Pulse
+from agent_runtime.io.process_heartbeat import ProcessHeartbeat
 from agent_runtime.io.run_files import FLEET_VARIABLE
 from agent_runtime.io.secured import ROUTER
 from operate.run_folder import Fleet as FleetFile
@@ -116,7 +116,7 @@ class Shell:
         pid, ready = folder.pid_file(self.run, NAME), folder.ready_file(self.run, NAME)
         self.files.put(pid, f"{os.getpid()}\n".encode())
         self.files.put(ready, b"")
-        pulse = Pulse(self.run, NAME)
+        pulse = ProcessHeartbeat(self.run, NAME)
         while not self.fleet.ended:
             pulse.beat()
             if caught_signals:

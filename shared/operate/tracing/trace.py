@@ -115,6 +115,11 @@ class Away(msgspec.Struct, frozen=True, omit_defaults=True):
     fault: str = ""
 
 
+def is_meant(subject: str, conversation: str, participant: str) -> bool:
+    """Whether a subject of `roco conversation`, `trace` or `why` names this conversation, or this part of one."""
+    return subject in (conversation, f"{conversation}/{participant}")
+
+
 class Trace(msgspec.Struct, frozen=True, omit_defaults=True, dict=True):
     """All of a run. `begin`: the first communicate [unix s]."""
 
@@ -127,6 +132,10 @@ class Trace(msgspec.Struct, frozen=True, omit_defaults=True, dict=True):
     def roots(self) -> tuple[Span, ...]:
         """Spans that no other one caused, oldest first."""
         return tuple(span for span in self.spans if not span.parent)
+
+    def named(self, subject: str) -> Span | None:
+        """The conversation that a subject names; None where there is none."""
+        return next((one for one in self.spans if is_meant(subject, one.conversation, one.participant)), None)
 
     @cached_property
     def _children(self) -> dict[str, list[Span]]:

@@ -7,7 +7,7 @@ from functools import partial
 
 from agent_runtime.io import cli
 from agent_runtime.io.options import Options
-from agent_runtime.io.pulse import Pulse
+from agent_runtime.io.process_heartbeat import ProcessHeartbeat
 from operate.wires import files
 from operate.wires.files import Conditions
 from operate.wires.wire import Wire
@@ -52,7 +52,7 @@ async def forward(options: Options) -> int:
         for end, port in ports.items():
             wire = Wire(*wires.ends[end], partial(board.of, agent, end), chance)
             await asyncio.start_server(wire.connected, wires.bind, port)
-    pulse, ready = Pulse(options.run_dir, NAME), options.run_dir / f"{NAME}.ready"
+    pulse, ready = ProcessHeartbeat(options.run_dir, NAME), options.run_dir / f"{NAME}.ready"
     ready.touch()
     while not ended.is_set():
         pulse.beat()

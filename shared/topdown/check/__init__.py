@@ -1,11 +1,11 @@
 """Check whether a design is consistent in itself; topdown.check.agreement compares it with code.
 
 The order is names -> requirements, steps -> channels, protocols, forms, interfaces -> machines, rows, waits,
-parameters -> claims, adding_up; recorded compares a run with the design. A fault is reported once: what only follows
+parameters; recorded compares a run with the design. A fault is reported once: what only follows
 from it is left out. No I/O.
 """
 
-from topdown.check import adding_up, channels, machines, names, outcome, protocols, requirements
+from topdown.check import channels, machines, names, outcome, protocols, requirements
 from topdown.check.machines import reachable as reachable
 from topdown.model.design import Design
 from topdown.model.findings import Finding, located
@@ -24,8 +24,6 @@ PARTS = (
     machines.row_findings,
     machines.wait_findings,
     machines.parameter_findings,
-    outcome.claim_findings,
-    adding_up.findings,
 )
 
 

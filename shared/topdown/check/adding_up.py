@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 
 from fipa_codec.exploration import Configuration, Step, edges
-from fipa_codec.tables import Protocol, Role, Table, Way
+from fipa_codec.tables import Protocol, Role, Way
 from topdown.check.protocols import listed, restricted
 from topdown.model import elements
 from topdown.model.design import Design
@@ -23,31 +23,21 @@ ON_THE_WAY = 1
 Walked = Mapping[Configuration, list[tuple[Step, Configuration]]]
 
 
-def findings(design: Design) -> Iterator[Finding]:
-    """Of the counts that the design file itself has."""
-    if design.file.tally is not None:
-        counts = {(sender, receiver): count for sender, receiver, count in design.file.tally.counts}
-        yield from sums(design, counts, design.file.tally.where)
-
-
 def sums(design: Design, counts: Counts, where: str = "run") -> Iterator[Finding]:
     """Of any counts: (sender, receiver) -> how many."""
-    at = ("tally",) if where != "run" else ()
     pairs = {frozenset(channel.ends): channel.id for channel in design.channels.values()}
     for (sender, receiver), count in counts.items():
         if count and frozenset((sender, receiver)) not in pairs:
             wrong = f"{count} communicates from {sender} to {receiver}, and no channel joins them"
-            yield Finding(Kind.NO_CHANNEL, where, wrong, "give them a channel, or send it another way", at)
+            yield Finding(Kind.NO_CHANNEL, where, wrong, "give them a channel, or send it another way")
     for channel in design.channels.values():
         uses = [use for use in design.file.protocol if use.channel == channel.id]
-        yield from _directions(where, channel.ends, counts, uses, at)
+        yield from _directions(where, channel.ends, counts, uses)
         if uses and all(use.follows in design.tables for use in uses):
-            yield from _balance(design, where, uses, counts, at)
+            yield from _balance(design, where, uses, counts)
 
 
-def _directions(
-    where: str, ends: tuple[str, str], counts: Counts, uses: list[elements.Protocol], at: tuple[str, ...]
-) -> Iterator[Finding]:
+def _directions(where: str, ends: tuple[str, str], counts: Counts, uses: list[elements.Protocol]) -> Iterator[Finding]:
     """Directions with messages in the design and none in the run, though the peer did talk."""
     for sender, receiver in (ends, ends[::-1]):
         acts = sorted({m.performative for use in uses for m in use.message if m.sender == sender})
@@ -55,28 +45,31 @@ def _directions(
             said = f"which says {', '.join(acts)} in the design" if acts else "although a channel joins them"
             wrong = f"{receiver} is never told anything by {sender}, {said}"
             right = f"{counts[receiver, sender]} went the other way"
-            yield Finding(Kind.NEVER_HEARD, where, wrong, right, at)
+            yield Finding(Kind.NEVER_HEARD, where, wrong, right)
 
 
-def _balance(
-    design: Design, where: str, uses: list[elements.Protocol], counts: Counts, at: tuple[str, ...]
-) -> Iterator[Finding]:
+def _balance(design: Design, where: str, uses: list[elements.Protocol], counts: Counts) -> Iterator[Finding]:
     """Compare the surplus of one end's messages with the bounds of the protocols between them."""
     one, other = uses[0].initiator, uses[0].participant
     said, heard = counts.get((one, other), 0), counts.get((other, one), 0)
     if not (said and heard):
         return
-    lows, highs = zip(*(_seen_from(one, use, design.tables[use.follows]) for use in uses), strict=True)
-    low, high = _least(lows), -_least(tuple(-most for most in highs))
+    lows, highs = [], []
+    for use in uses:
+        least, most = difference(_asked_once(restricted(design.tables[use.follows], listed(use))))
+        turned = use.initiator != one
+        lows.append(-most if turned else least)
+        highs.append(-least if turned else most)
+    low, high = _least(lows), -_least([-most for most in highs])
     if low <= said - heard <= high:
         return
     wrong = f"{one} says {said} to {other} and hears {heard}"
     names = " and ".join(use.name for use in uses)
     right = f"conversations of {names} that end have {_range(one, other, low, high)}"
-    yield Finding(Kind.UNBALANCED, where, wrong, right, at)
+    yield Finding(Kind.UNBALANCED, where, wrong, right)
 
 
-def _least(bounds: tuple[float, ...]) -> float:
+def _least(bounds: list[float]) -> float:
     """The least of any number (one or more) of conversations, each of which is at least one of `bounds`."""
     return min(bounds) if min(bounds) >= 0 else -math.inf
 
@@ -91,21 +84,11 @@ def _range(one: str, other: str, low: float, high: float) -> str:
     return f"at least as many of {one}" if low == 0 else f"at most as many of {one}"
 
 
-def _seen_from(one: str, use: elements.Protocol, protocol: Protocol) -> tuple[float, float]:
-    """Least and most of what `one` says more than its peer, in a complete conversation."""
-    low, high = difference(_asked_once(restricted(protocol, listed(use))))
-    return (low, high) if use.initiator == one else (-high, -low)
-
-
 def _asked_once(protocol: Protocol) -> Protocol:
     """The protocol without questions that are asked again while no answer came."""
     initiator = protocol.tables[Role.INITIATOR]
     again = [row for row in initiator if row.way is Way.SEND and row.to == row.state]
-    if not again:
-        return protocol
-    rows = [row for row in initiator if row not in again]
-    ends = {"ended": initiator.ended, "urgent": initiator.urgent, "resting": initiator.resting}
-    return protocol.with_tables(initiator=Table(rows, **ends))
+    return protocol.with_tables(initiator=initiator.only(row for row in initiator if row not in again))
 
 
 def difference(protocol: Protocol) -> tuple[float, float]:
@@ -125,23 +108,18 @@ def _cheapest(protocol: Protocol, walked: Walked, sign: int) -> float:
     while waiting:
         here = waiting.popleft()
         for step, there in walked[here]:
-            cost = least[here] + sign * _worth(step)
+            worth = 0 if step.row.way is not Way.SEND else 1 if step.role is Role.INITIATOR else -1
+            cost = least[here] + sign * worth
             if cost < least.get(there, math.inf):
                 least[there] = cost
                 waiting.append(there)
                 if cost < -len(walked):
                     return -math.inf
-    return min((least[here] for here in least if _complete(protocol, here)), default=-math.inf)
-
-
-def _worth(step: Step) -> int:
-    if step.row.way is not Way.SEND:
-        return 0
-    return 1 if step.role is Role.INITIATOR else -1
-
-
-def _complete(protocol: Protocol, here: Configuration) -> bool:
-    """Both roles ended, nothing on its way; the beginning is not a conversation."""
-    tables = protocol.tables
-    over = all(here.state(role) in tables[role].ended for role in Role)
-    return over and not (here.to_initiator or here.to_participant)
+    # Both roles ended, nothing on its way; the beginning is not a conversation.
+    ended = {role: protocol.tables[role].ended for role in Role}
+    complete = (
+        cost
+        for here, cost in least.items()
+        if all(here.state(role) in ended[role] for role in Role) and not (here.to_initiator or here.to_participant)
+    )
+    return min(complete, default=-math.inf)

@@ -13,14 +13,26 @@ from topdown.model.findings import Finding, Kind
 
 def check_languages(design: Design, classes: Mapping[str, Iterable[str]]) -> tuple[Finding, ...]:
     """Findings between the design and the languages: name -> names of its classes."""
-    known = {name: frozenset(found) for name, found in classes.items()}
-    declared = frozenset(language.name for language in design.file.language)
-    return (
-        *_compare_names(declared, frozenset(known)),
-        *_interface_classes(design, known),
-        *_message_classes(design, known),
-        *_unsaid_classes(design, known),
-    )
+    return tuple(_languages(design, {name: frozenset(found) for name, found in classes.items()}))
+
+
+def _languages(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:
+    declared = sorted(language.name for language in design.file.language)
+    for name in sorted(set(declared) - known.keys()):
+        right = f"languages with one are {', '.join(sorted(known))}"
+        yield Finding(Kind.CODE, f"language {name}", "has no module", right)
+    for name in sorted(known.keys() - set(declared)):
+        yield Finding(Kind.CODE, f"language {name}", "is not in the design", f"the design has {', '.join(declared)}")
+    for interface in design.file.interface:
+        for entry in interface.entries:
+            for name in (*entry.arguments, *entry.answers):
+                yield from _class(f"interface {interface.name}, {entry.name}", name, known)
+    for use in design.file.protocol:
+        for message in use.message:
+            where = f"protocol {use.name}, {message.sender} {message.performative}"
+            for name in (name for name in message.content if not name.startswith("*")):
+                yield from _class(where, f"{message.language}.{name}", known)
+    yield from _unsaid_classes(design, known)
 
 
 def check_queries(
@@ -65,30 +77,6 @@ def check_supported(design: Design, agent: str, kinds: Iterable[str]) -> tuple[F
 def _not_asked(name: str) -> Finding:
     right = "declare it in an interface of the design"
     return Finding(Kind.NOT_ASKED, name, "no interface entry asks it", right)
-
-
-def _compare_names(declared: frozenset[str], known: frozenset[str]) -> Iterator[Finding]:
-    for name in sorted(declared - known):
-        right = f"languages with one are {', '.join(sorted(known))}"
-        yield Finding(Kind.CODE, f"language {name}", "has no module", right)
-    for name in sorted(known - declared):
-        right = f"the design has {', '.join(sorted(declared))}"
-        yield Finding(Kind.CODE, f"language {name}", "is not in the design", right)
-
-
-def _interface_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:
-    for interface in design.file.interface:
-        for entry in interface.entries:
-            for name in (*entry.arguments, *entry.answers):
-                yield from _class(f"interface {interface.name}, {entry.name}", name, known)
-
-
-def _message_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:
-    for use in design.file.protocol:
-        for message in use.message:
-            where = f"protocol {use.name}, {message.sender} {message.performative}"
-            for name in (name for name in message.content if not name.startswith("*")):
-                yield from _class(where, f"{message.language}.{name}", known)
 
 
 def _class(where: str, name: str, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:

@@ -9,16 +9,18 @@ the listed acts, and each communicate is as large as its budget. Left out: what 
 faults and what is said again because of them.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable
 from functools import reduce
 from operator import add
+from statistics import median
 
 import msgspec
 
 from fipa_codec.exploration import shortest
 from fipa_codec.tables import Role, Way
 from topdown.check.protocols import listed, restricted
+from topdown.check.recorded import Observation, Observed, answers, use_of
 from topdown.model import elements
 from topdown.model.design import Design
 
@@ -93,8 +95,10 @@ class _Model:
 
     def estimate(self) -> Estimate:
         uses = tuple(self._use(use) for use in self.uses.values())
-        missing = tuple(use.name for use in self.uses.values() if _lacks(use))
-        return Estimate(self.seconds, {name: self._channel(name, uses) for name in self.design.channels}, uses, missing)
+        missing = tuple(use.name for use in self.uses.values() if _lacks_figures(use))
+        return Estimate(
+            self.seconds, {name: _channel(name, uses, self.seconds) for name in self.design.channels}, uses, missing
+        )
 
     def _conversations(self, name: str, below: tuple[str, ...]) -> float:
         use = self.uses.get(name)
@@ -103,7 +107,7 @@ class _Model:
         return _per(use) * (self._conversations(use.within, (*below, name)) if use.within else 1.0)
 
     def _seconds(self, name: str, above: tuple[str, ...]) -> float:
-        """Return the duration of one conversation, with all that is opened within it."""
+        """The duration of one conversation, with all that is opened within it."""
         if name in above:
             return 0.0
         children = [use for use in self.uses.values() if use.within == name and not use.alongside]
@@ -117,7 +121,7 @@ class _Model:
         return [(message, count * times) for message, count, times in zip(use.message, counts, opened, strict=True)]
 
     def _shortest(self, use: elements.Protocol) -> list[float]:
-        """Return the count of each message in the shortest conversation; an act that is listed twice counts once."""
+        """The count of each message in the shortest conversation; an act that is listed twice counts once."""
         table = self.design.tables.get(use.follows)
         steps = shortest(restricted(table, listed(use))) if table else ()
         ends = {Role.INITIATOR: use.initiator, Role.PARTICIPANT: use.participant}
@@ -136,36 +140,33 @@ class _Model:
             seconds=self.took[use.name],
             latency_s=self.took[use.name] if use.answer else use.typical_latency_s,
             budget_s=use.latency_s,
-            share=self._share(use),
+            share=0.0 if not self.seconds or use.alongside else self.opened[use.name] * use.typical_s / self.seconds,
             load=Load(count, size, most, _rate(size, self.seconds), _rate(size, self._going_on(use))),
         )
 
-    def _share(self, use: elements.Protocol) -> float:
-        if not self.seconds or use.alongside:
-            return 0.0
-        return self.opened[use.name] * use.typical_s / self.seconds
-
     def _going_on(self, use: elements.Protocol) -> float:
-        """Return the duration of the uses within which this one's conversations are opened [s]."""
+        """The duration of the uses within which this one's conversations are opened [s]."""
         around = use.within
         while around and self.uses[around].alongside:
             around = self.uses[around].within
         return self.opened[around] * self.took[around] if around else self.seconds
 
-    def _channel(self, name: str, uses: tuple[UseEstimate, ...]) -> Load:
-        loads = [one.load for one in uses if one.channel == name]
-        size = total(load.bytes for load in loads)
-        return Load(
-            communicates=total(load.communicates for load in loads),
-            bytes=size,
-            most_bytes=total(load.most_bytes for load in loads),
-            mean_bit_s=_rate(size, self.seconds),
-            busy_bit_s=max((load.busy_bit_s for load in loads), default=0.0),
-        )
+
+def _channel(name: str, uses: Iterable[UseEstimate], seconds: float) -> Load:
+    """The load of a channel: that of its uses."""
+    loads = [one.load for one in uses if one.channel == name]
+    size = total(load.bytes for load in loads)
+    return Load(
+        communicates=total(load.communicates for load in loads),
+        bytes=size,
+        most_bytes=total(load.most_bytes for load in loads),
+        mean_bit_s=_rate(size, seconds),
+        busy_bit_s=max((load.busy_bit_s for load in loads), default=0.0),
+    )
 
 
 def total(some: Iterable[float]) -> float:
-    """Return the sum; what is too large is infinite, where math.fsum would raise."""
+    """The sum; what is too large is infinite, where math.fsum would raise."""
     return reduce(add, some, 0.0)
 
 
@@ -177,7 +178,7 @@ def _has_counts(use: elements.Protocol) -> bool:
     return any(message.count is not None for message in use.message)
 
 
-def _lacks(use: elements.Protocol) -> bool:
+def _lacks_figures(use: elements.Protocol) -> bool:
     """Whether figures are missing; `per = 0` says that nobody opens it."""
     return use.per is None or (use.per > 0 and not _has_counts(use))
 
@@ -185,3 +186,83 @@ def _lacks(use: elements.Protocol) -> bool:
 def _rate(size: float, seconds: float) -> float:
     """Bit per second; 0 where no time passes."""
     return 8 * size / seconds if seconds > 0 else 0.0
+
+
+# --- The figures of a recording in the words of an estimate, and how far the estimate was from them -------------------
+
+
+class Measured(msgspec.Struct, frozen=True):
+    """One figure of a channel or use: estimated, recorded, and the error as a share of what was recorded (None: nothing
+    was recorded).
+    """
+
+    where: str
+    what: str
+    unit: str
+    estimated: float
+    recorded: float
+
+    @property
+    def error(self) -> float | None:
+        """Signed; +0.3: thirty per cent too much."""
+        return (self.estimated - self.recorded) / self.recorded if self.recorded else None
+
+
+def measure(design: Design, estimated: Estimate, run: Observed) -> tuple[Measured, ...]:
+    """Every figure that both have: per channel communicates, bytes, bandwidth, per use latency, and the whole time."""
+    recorded = recorded_as_estimate(design, run)
+    found = [Measured("run", "time", "s", estimated.seconds, recorded.seconds)]
+    for name, load in estimated.channels.items():
+        real = recorded.channels[name]
+        found += [
+            Measured(name, "communicates", "", load.communicates, real.communicates),
+            Measured(name, "bytes", "B", load.bytes, real.bytes),
+            Measured(name, "mean bandwidth", "bit/s", load.mean_bit_s, real.mean_bit_s),
+            Measured(name, "busy bandwidth", "bit/s", load.busy_bit_s, real.busy_bit_s),
+        ]
+    real_uses = {one.use: one for one in recorded.uses}
+    for one in estimated.uses:
+        if one.use in real_uses and real_uses[one.use].conversations:
+            found.append(Measured(one.use, "latency", "s", one.latency_s, real_uses[one.use].latency_s))
+    return tuple(found)
+
+
+def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
+    """The figures with which an estimate would have been right; latencies are medians."""
+    heard: dict[str, list[Observation]] = defaultdict(list)
+    for one in run.communicates:
+        if (use := use_of(design, one)) is not None:
+            heard[use.name].append(one)
+    spans = {name: _spans(some) for name, some in heard.items()}
+    roots = [use.name for use in design.file.protocol if not use.within and not use.alongside and use.name in spans]
+    seconds = total(total(spans[name]) for name in roots)
+    answered = answers(design, run.communicates)
+    uses = []
+    for use in design.file.protocol:
+        some, took_s = heard.get(use.name, []), spans.get(use.name, [])
+        size = sum(one.bytes for one in some)
+        took = [one.latency_s for one in answered.get(use.name, ()) if one.latency_s is not None]
+        around = total(spans.get(use.within, [])) if use.within else seconds
+        uses.append(
+            UseEstimate(
+                use=use.name,
+                channel=use.channel,
+                conversations=len(answered.get(use.name, ())),
+                seconds=total(took_s) / len(took_s) if took_s else 0.0,
+                latency_s=median(took) if took else 0.0,
+                budget_s=use.latency_s,
+                share=0.0,
+                load=Load(len(some), size, 0.0, _rate(size, seconds), _rate(size, around)),
+            )
+        )
+    return Estimate(seconds, {name: _channel(name, uses, seconds) for name in design.channels}, tuple(uses), ())
+
+
+def _spans(some: Iterable[Observation]) -> list[float]:
+    """The duration of each conversation, from its first message to its last [s]."""
+    first: dict[str, float] = {}
+    last: dict[str, float] = {}
+    for one in some:
+        first.setdefault(one.conversation, one.at)
+        last[one.conversation] = one.at
+    return [last[name] - first[name] for name in first]

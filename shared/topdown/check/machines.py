@@ -115,11 +115,11 @@ class Heard(NamedTuple):
 
     @property
     def act(self) -> Performative:
-        """Return the kind of its act in words."""
+        """The kind of its act in words."""
         return self.message.performative
 
     def words(self, design: Design) -> dict[str, str]:
-        """Return the words of a declared interface, by the field of elements.Ends; undefined ones are left out."""
+        """The words of a declared interface, by the field of elements.Ends; undefined ones are left out."""
         use, found = self.use, {"performatives": str(self.act), "protocols": self.use.follows}
         if self.message.language in {entry.name for entry in design.file.language}:
             found["languages"] = self.message.language
@@ -347,7 +347,7 @@ def _waitings(design: Design, agent: elements.Agent) -> Iterator[Waiting]:
 def _closed(
     chosen: dict[str, Waiting], candidates: dict[str, tuple[Waiting, ...]], talks: dict[tuple[str, str], set[str]]
 ) -> dict[str, Waiting] | None:
-    """Return the chosen ones and those they wait for, all deaf to each other; None: one of them would hear."""
+    """The chosen ones and those they wait for, all deaf to each other; None: one of them would hear."""
     for waiting in chosen.values():
         for use, peer in waiting.peers.items():
             if peer in chosen and use in talks[peer, chosen[peer].state]:

@@ -37,7 +37,6 @@ def _kinds(design: Design) -> Iterator[Named]:
     yield Named("agent", ("agent",), tuple(entry.name for entry in file.agent))
     yield Named("group", ("group",), tuple(entry.name for entry in file.group))
     yield Named("signal", ("signal",), tuple(entry.kind for entry in file.signal))
-    yield Named("claim", ("claim",), tuple(entry.name for entry in file.claim))
     for index, agent in enumerate(file.agent):
         yield Named(f"agent {agent.name}, state", ("agent", index, "state"), tuple(state.name for state in agent.state))
         own = tuple(one.name for one in agent.parameter)
@@ -51,7 +50,9 @@ def findings(design: Design) -> Iterator[Finding]:
     """Undefined and unused languages, ontologies, content types, interfaces and tables."""
     file = design.file
     spoken = {message.language for use in file.protocol for message in use.message}
-    yield from _unused("language", design, [entry.name for entry in file.language], spoken | _of_interfaces(design))
+    offers = [entry for interface in file.interface for entry in interface.entries]
+    spoken |= {name.partition(".")[0] for entry in offers for name in (*entry.arguments, *entry.answers)}
+    yield from _unused("language", design, [entry.name for entry in file.language], spoken)
     named = {use.ontology for use in file.protocol}
     yield from _unused("ontology", design, [entry.name for entry in file.ontology], named)
     offered = {name for use in file.protocol for name in use.interface}
@@ -60,15 +61,6 @@ def findings(design: Design) -> Iterator[Finding]:
     yield from _unused("table", design, [entry.name for entry in file.table], followed)
     yield from _undefined(design)
     yield from _content_types(design)
-
-
-def _of_interfaces(design: Design) -> set[str]:
-    return {
-        name.partition(".")[0]
-        for interface in design.file.interface
-        for entry in interface.entries
-        for name in (*entry.arguments, *entry.answers)
-    }
 
 
 def _unused(kind: str, design: Design, defined: Iterable[str], used: Collection[str]) -> Iterator[Finding]:

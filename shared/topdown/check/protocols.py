@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from fipa_codec.exploration import Exploration, explore
 from fipa_codec.performatives import Performative
-from fipa_codec.tables import Protocol, Role, Row, Table, Way
+from fipa_codec.tables import Protocol, Role, Table, Way
 from topdown.model import elements
 from topdown.model.design import Design
 from topdown.model.findings import Finding, Kind
@@ -35,7 +35,12 @@ def findings(design: Design) -> Iterator[Finding]:
             yield Finding(Kind.UNDEFINED, where, f"table {use.follows!r} is not there", right, (*at, "follows"))
         else:
             yield from _follows(use, protocol, at)
-            yield from _asked_again(use, protocol, at)
+            # a conversation that is not durable lives on asking again
+            opens = [row for row in protocol.tables[Role.INITIATOR] if row.performative in protocol.openings]
+            if not use.durable and not any(row.way is Way.SEND and row.state == row.to for row in opens):
+                wrong = f"is not durable, and {use.follows} has no row for asking again: one lost message ends it"
+                right = "set durable = true, or follow a protocol that asks again (query, subscribe)"
+                yield Finding(Kind.NOT_ASKED_AGAIN, where, wrong, right, at)
 
 
 def _own_table(name: str, protocol: Protocol, at: Path_) -> Iterator[Finding]:
@@ -67,15 +72,6 @@ def _follows(use: elements.Protocol, protocol: Protocol, at: Path_) -> Iterator[
         yield from _no_end(where, protocol, said, walked, at)
 
 
-def _asked_again(use: elements.Protocol, protocol: Protocol, at: Path_) -> Iterator[Finding]:
-    """A conversation that is not durable lives on asking again: its table needs a row for that."""
-    opens = [row for row in protocol.tables[Role.INITIATOR] if row.performative in protocol.openings]
-    if not use.durable and not any(row.way is Way.SEND and row.state == row.to for row in opens):
-        wrong = f"is not durable, and {use.follows} has no row for asking again: one lost message ends it"
-        right = "set durable = true, or follow a protocol that asks again (query, subscribe)"
-        yield Finding(Kind.NOT_ASKED_AGAIN, f"protocol {use.name}", wrong, right, at)
-
-
 def listed(use: elements.Protocol) -> dict[Role, set[Performative]]:
     """The acts that a use lists, by role."""
     ends = {Role.INITIATOR: use.initiator, Role.PARTICIPANT: use.participant}
@@ -87,10 +83,7 @@ def restricted(protocol: Protocol, said: dict[Role, set[Performative]]) -> Proto
 
     def kept(role: Role) -> Table:
         table = protocol.tables[role]
-        rows = [row for row in table if row.way is Way.RECEIVE or row.performative in said[role]]
-        states = {state for row in rows for state in (row.state, row.to)}
-        ends = {"ended": table.ended & states, "urgent": table.urgent & states, "resting": table.resting & states}
-        return Table(rows, **ends)
+        return table.only(row for row in table if row.way is Way.RECEIVE or row.performative in said[role])
 
     return protocol.with_tables(initiator=kept(Role.INITIATOR), participant=kept(Role.PARTICIPANT))
 
@@ -140,7 +133,9 @@ def _no_end(
     for found in walked.stuck:
         for role in Role:
             state = found.configuration.state(role)
-            missing = _unlisted(protocol.tables[role], state, said[role])
+            missing = [row for row in protocol.tables[role].allowed(state, Way.SEND) if not row.free]
+            if any(row.performative in said[role] for row in missing):
+                continue
             if missing and found.configuration.inbound(role) == () and (role, state) not in told:
                 told.add((role, state))
                 acts = ", ".join(sorted({row.word for row in missing}))
@@ -148,12 +143,6 @@ def _no_end(
                 yield Finding(Kind.NO_WAY_TO_THE_END, where, wrong, f"list one of {acts}", at)
     if walked.stuck and not told:
         yield Finding(Kind.NO_WAY_TO_THE_END, where, walked.stuck[0].text, "list what leads on from there", at)
-
-
-def _unlisted(table: Table, state: str, said: set[Performative]) -> list[Row]:
-    """Sends of a state, where none of those that lead on is listed."""
-    sends = [row for row in table.allowed(state, Way.SEND) if not row.free]
-    return [] if any(row.performative in said for row in sends) else sends
 
 
 def _way(steps: tuple[object, ...]) -> str:

@@ -1,10 +1,168 @@
 """The requirement tree is a tree, and every requirement is handled by exactly one step (paper, section 4, step 2)."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from enum import StrEnum
 
-from topdown.check.trace import evidence, known, said
+import msgspec
+
+from fipa_codec.performatives import Performative
+from topdown.check.recorded import Observed, use_of
+from topdown.model import elements
 from topdown.model.design import Design
 from topdown.model.findings import Finding, Kind
+
+Exists = Callable[[str, str], bool]
+"""(path, name of a test in it or "") -> whether it is there."""
+
+
+class Shown(StrEnum):
+    """State of a piece of evidence."""
+
+    SEEN = "seen"
+    """In the recording; of a test: it is there."""
+    NAMED = "named"
+    """Not looked for, without a recording."""
+    MISSING = "missing"
+    """Looked for, and not there."""
+
+
+class Evidence(msgspec.Struct, frozen=True):
+    """A piece of evidence, read: "event", "test" or "message", what it names, whether it was seen, how often."""
+
+    kind: str
+    name: str
+    shown: Shown = Shown.NAMED
+    count: int = 0
+
+
+class Traced(msgspec.Struct, frozen=True):
+    """A leaf requirement with all that follows from it; `steps` from 1."""
+
+    id: str
+    text: str
+    steps: tuple[int, ...]
+    groups: tuple[str, ...]
+    agents: tuple[str, ...]
+    channels: tuple[str, ...]
+    evidence: tuple[Evidence, ...]
+
+    @property
+    def bare(self) -> bool:
+        """Nothing shows it: no evidence, or none that is there."""
+        return all(one.shown is Shown.MISSING for one in self.evidence)
+
+
+class Said(msgspec.Struct, frozen=True):
+    """A communicate named as evidence: "USE act" or "USE act CLASS"."""
+
+    use: str
+    act: str
+    content: str = ""
+
+
+KINDS = ("event", "test", "message")
+
+
+def said(name: str) -> Said:
+    """What the words of a message evidence name. Raises ValueError, which says how they are written."""
+    parts = name.split()
+    if len(parts) not in (2, 3):
+        raise ValueError(f"{name!r} names no communicate; write `message:USE act` or `message:USE act LANGUAGE.Class`")
+    return Said(*parts)
+
+
+def evidence(word: str) -> Evidence:
+    """A piece of evidence as it is written. ValueError says how."""
+    kind, colon, name = word.partition(":")
+    if not colon or kind not in KINDS or not name.strip():
+        raise ValueError(f"{word!r} is not evidence; write event:NAME, test:PATH::NAME or message:USE act CLASS")
+    return Evidence(kind, name.strip())
+
+
+def leaves(design: Design) -> tuple[elements.Requirement, ...]:
+    """Requirements that no other refines."""
+    parents = {entry.parent for entry in design.file.requirement}
+    return tuple(entry for entry in design.file.requirement if entry.id not in parents)
+
+
+def trace(design: Design, run: Observed | None = None, exists: Exists | None = None) -> tuple[Traced, ...]:
+    """Every leaf requirement, in the file's order. Raises ValueError for evidence that cannot be read."""
+    return tuple(_traced(design, leaf, run, exists) for leaf in leaves(design))
+
+
+def _traced(design: Design, leaf: elements.Requirement, run: Observed | None, exists: Exists | None) -> Traced:
+    steps = [(n, step) for n, step in enumerate(design.file.step, start=1) if leaf.id in step.requirements]
+    groups = tuple(dict.fromkeys(group for number, step in steps for group in _groups(design, number, step)))
+    channels = tuple(dict.fromkeys(name for _, step in steps for name in channels_of(step)))
+    return Traced(
+        id=leaf.id,
+        text=leaf.text,
+        steps=tuple(number for number, _ in steps),
+        groups=groups,
+        agents=tuple(dict.fromkeys(agent for group in groups for agent in descendants(design, group))),
+        channels=channels,
+        evidence=tuple(_looked_for(design, evidence(word), run, exists) for word in leaf.evidence),
+    )
+
+
+def _groups(design: Design, number: int, step: elements.Step) -> Iterator[str]:
+    """The halves a step makes; of one that divides nothing the ends of the channels it touches."""
+    if step.divide is not None:
+        yield from step.divide.into
+        return
+    stage = {channel.id: channel for channel in design.decomposition.stages[number].channels}
+    for name in channels_of(step):
+        yield from stage[name].ends if name in stage else ()
+
+
+def channels_of(step: elements.Step) -> Iterator[str]:
+    """The channels a step makes or gives more to carry; reallocated ones were there for something else."""
+    yield from (new.id for new in step.channels)
+    yield from (name for split in step.split for name in split.into)
+    yield from (more.channel for more in step.complement)
+
+
+def descendants(design: Design, group: str) -> tuple[str, ...]:
+    """The groups of the finished design that a group became."""
+    halves = {step.divide.group: step.divide.into for step in design.file.step if step.divide}
+    found, ahead, seen = [], [group], set[str]()
+    while ahead:
+        here = ahead.pop(0)
+        if here in halves and here not in seen:
+            ahead = [*halves[here], *ahead]
+        else:
+            found.append(here)
+        seen.add(here)
+    return tuple(found)
+
+
+def _looked_for(design: Design, one: Evidence, run: Observed | None, exists: Exists | None) -> Evidence:
+    if one.kind == "test":
+        if exists is None:
+            return one
+        path, _, name = one.name.partition("::")
+        return msgspec.structs.replace(one, shown=Shown.SEEN if exists(path, name) else Shown.MISSING)
+    if run is None:
+        return one
+    count = run.events.count(one.name) if one.kind == "event" else 0
+    if one.kind == "message":
+        wanted = said(one.name)
+        for heard in run.communicates:
+            use = use_of(design, heard)
+            if use is not None and (use.name, heard.performative) == (wanted.use, wanted.act):
+                count += not wanted.content or wanted.content == heard.content
+    return msgspec.structs.replace(one, shown=Shown.SEEN if count else Shown.MISSING, count=count)
+
+
+def known(design: Design, wanted: Said) -> bool:
+    """Whether the design has such a communicate at all."""
+    rules = [rule for rule in design.rules.values() if rule.use == wanted.use and rule.performative == wanted.act]
+    acts = {str(act) for act in Performative}
+    fits = any(not wanted.content or wanted.content in rule.contents for rule in rules)
+    return wanted.act in acts and fits
+
+
+# --- The requirement tree is a tree, every requirement is handled by exactly one step (paper, section 4, step 2) ------
 
 
 def findings(design: Design) -> Iterator[Finding]:
@@ -64,7 +222,7 @@ def _circular(name: str, parents: Mapping[str, str]) -> bool:
 
 
 def step_findings(design: Design) -> Iterator[Finding]:
-    """Return the findings of replaying the steps (paper, section 4, step 2)."""
+    """The findings of replaying the steps (paper, section 4, step 2)."""
     for slip in design.decomposition.slips:
         at = ("step", slip.step - 1, slip.part) if slip.part else ("step", slip.step - 1)
         yield Finding(slip.kind, f"step {slip.step}", slip.wrong, slip.right, at)

@@ -6,7 +6,7 @@ from html import escape
 
 import msgspec
 
-from topdown.draw import canvas, channels, machines, protocols, requirements, steps, system, text
+from topdown.draw import canvas, decomposition, document, machines, protocols, system
 from topdown.draw.document import Figure, Grid, Section
 from topdown.model.design import Design
 
@@ -16,29 +16,20 @@ from topdown.model.design import Design
 def page(title: str, lead: str, sections: tuple[Section, ...]) -> str:
     """The page; the same sections give the same bytes."""
     body = "".join(_section(section) for section in sections)
+    blocks = []  # links to all sections and to the figures in them
+    for section in sections:
+        figures = [part for part in section.parts if isinstance(part, Figure)]
+        links = "".join(f'<a href="#{_name(f.name)}">{escape(f.caption.split(":")[0])}</a>' for f in figures)
+        links = links if len(figures) > 1 else ""
+        blocks.append(f'<div><a href="#{section.what}"><strong>{escape(section.title)}</strong></a>{links}</div>')
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="color-scheme" content="light dark">\n'
         f"<title>{escape(title)}</title>\n<style>\n{canvas.page_rules()}</style>\n</head>\n<body>\n"
-        f'<h1>{escape(title)}</h1>\n<p class="lead">{escape(lead)}</p>\n{_contents(sections)}{body}'
+        f'<h1>{escape(title)}</h1>\n<p class="lead">{escape(lead)}</p>\n<nav>{"".join(blocks)}</nav>\n{body}'
         "<footer>Derived from the design file; change that, not this page.</footer>\n</body>\n</html>\n"
     )
-
-
-def _contents(sections: tuple[Section, ...]) -> str:
-    """Links to all sections and to the figures in them."""
-    blocks = []
-    for section in sections:
-        figures = [part for part in section.parts if isinstance(part, Figure)]
-        links = "".join(f'<a href="#{_name(f.name)}">{escape(_short(f.caption))}</a>' for f in figures)
-        links = links if len(figures) > 1 else ""
-        blocks.append(f'<div><a href="#{section.what}"><strong>{escape(section.title)}</strong></a>{links}</div>')
-    return f"<nav>{''.join(blocks)}</nav>\n"
-
-
-def _short(caption: str) -> str:
-    return caption.split(":")[0]
 
 
 def _name(name: str) -> str:
@@ -72,14 +63,11 @@ def _table(grid: Grid, titled: bool) -> str:
     caption = f"<caption>{escape(grid.title)}</caption>\n" if titled and grid.title else ""
     head = "".join(f"<th>{escape(cell)}</th>" for cell in grid.head)
     head = f"<thead><tr>{head}</tr></thead>\n" if any(grid.head) else ""
-    rows = "".join(_row(row) for row in grid.rows)
+    rows = ""
+    for first, *rest in grid.rows:
+        cells = "".join(f"<td>{escape(cell)}</td>" for cell in rest)
+        rows += f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>\n'
     return f'<div class="wide"><table>\n{caption}{head}<tbody>\n{rows}</tbody></table></div>\n'
-
-
-def _row(row: tuple[str, ...]) -> str:
-    first, *rest = row
-    cells = "".join(f"<td>{escape(cell)}</td>" for cell in rest)
-    return f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>\n'
 
 
 # --- The whole book about a design, or a part of it -------------------------------------------------------------------
@@ -107,7 +95,7 @@ class Choice(msgspec.Struct, frozen=True):
     step: int | None = None
     agent: str | None = None
     protocol: str | None = None
-    width: int = text.WIDTH
+    width: int = document.WIDTH
 
 
 EVERYTHING = Choice()
@@ -116,14 +104,14 @@ EVERYTHING = Choice()
 def sections(design: Design, choice: Choice = EVERYTHING) -> tuple[Section, ...]:
     """The sections of a choice. Raises NoSuchEntry."""
     makers: dict[What, Callable[[], Section]] = {
-        What.REQUIREMENTS: lambda: requirements.section(design, choice.width),
-        What.STEPS: lambda: steps.section(design, choice.step, choice.width),
-        What.TREE: lambda: steps.tree_section(design, choice.step, choice.width),
-        What.SYSTEM: lambda: system.section(design, choice.width),
-        What.CHANNELS: lambda: channels.section(design),
+        What.REQUIREMENTS: lambda: decomposition.requirements_section(design, choice.width),
+        What.STEPS: lambda: decomposition.steps_section(design, choice.step, choice.width),
+        What.TREE: lambda: decomposition.tree_section(design, choice.step, choice.width),
+        What.SYSTEM: lambda: system.system_section(design, choice.width),
+        What.CHANNELS: lambda: system.channels_section(design),
         What.PROTOCOLS: lambda: protocols.section(design, choice.protocol, choice.width),
-        What.INTERFACES: lambda: channels.interfaces(design, choice.agent),
-        What.BUFFERS: lambda: channels.buffers(design),
+        What.INTERFACES: lambda: system.interfaces(design, choice.agent),
+        What.BUFFERS: lambda: system.buffers(design),
         What.MACHINES: lambda: machines.section(design, choice.agent),
     }
     return tuple(makers[what]() for what in makers if {what, What.ALL} & set(choice.what))

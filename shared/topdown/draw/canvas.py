@@ -192,7 +192,7 @@ def size_of(css: str) -> float:
 
 
 def width_of(words: str, css: str = "") -> float:
-    """Return the width of words, rather too wide than too narrow [px]."""
+    """The width of words, rather too wide than too narrow [px]."""
     ems = fsum(0.34 if c in _NARROW else 0.92 if c in _WIDE else 0.7 if c.isupper() else 0.57 for c in words)
     return ems * size_of(css) * (1.07 if "strong" in css else 1.0)
 
@@ -220,7 +220,7 @@ class Canvas:
 
     @property
     def frame(self) -> Box:
-        """Return the visible rectangle: everything drawn and a margin."""
+        """The visible rectangle: everything drawn and a margin."""
         if not self._extent:
             return Box(0, 0, 2 * MARGIN, 2 * MARGIN)
         left, top = min(b.x for b in self._extent) - MARGIN, min(b.y for b in self._extent) - MARGIN
@@ -326,9 +326,14 @@ def placed(names: Sequence[str], pairs: Sequence[Pair]) -> dict[str, Cell]:
     """A cell for each name."""
     columns = max(1, (len(names) + 1) // 2)
     seats: list[str] = [*names, *[""] * (2 * columns - len(names))]
-    starts = (seats[turn:] + seats[:turn] for turn in range(len(seats)))
-    found = [turned for start in starts for turned in _turned(_descended(start, pairs), columns)]
-    best = min(found, key=lambda seating: _judged(seating, names, pairs))
+    found: list[list[str]] = []
+    for turn in range(len(seats)):
+        here = _descended(seats[turn:] + seats[:turn], pairs)
+        above, below = here[:columns], here[columns:]
+        # the same picture, also upside down, in a mirror, and both
+        found += [here, below + above, above[::-1] + below[::-1], below[::-1] + above[::-1]]
+    # of equals, the first names should stand first
+    best = min(found, key=lambda seating: (_cost(seating, pairs), [seating.index(name) for name in names]))
     return {name: cell for name, cell in _cells(best).items() if name}
 
 
@@ -336,29 +341,15 @@ def _descended(seats: list[str], pairs: Sequence[Pair]) -> list[str]:
     """Swap two seats as long as that is better."""
     here, cost = seats, _cost(seats, pairs)
     while True:
-        swapped = [_swapped(here, i, j) for i, j in combinations(range(len(here)), 2)]
+        swapped = []
+        for i, j in combinations(range(len(here)), 2):
+            other = list(here)
+            other[i], other[j] = other[j], other[i]
+            swapped.append(other)
         best = min(swapped, key=lambda seating: _cost(seating, pairs), default=here)
         if _cost(best, pairs) >= cost:
             return here
         here, cost = best, _cost(best, pairs)
-
-
-def _turned(seats: list[str], columns: int) -> list[list[str]]:
-    """The same picture, also upside down, in a mirror, and both."""
-    above, below = seats[:columns], seats[columns:]
-    mirrored = above[::-1], below[::-1]
-    return [seats, below + above, mirrored[0] + mirrored[1], mirrored[1] + mirrored[0]]
-
-
-def _judged(seats: list[str], names: Sequence[str], pairs: Sequence[Pair]) -> tuple[int, list[int]]:
-    """The cost; of equals, the first names should stand first."""
-    return _cost(seats, pairs), [seats.index(name) for name in names]
-
-
-def _swapped(seats: list[str], i: int, j: int) -> list[str]:
-    other = list(seats)
-    other[i], other[j] = other[j], other[i]
-    return other
 
 
 def _cells(seats: Sequence[str]) -> dict[str, Cell]:

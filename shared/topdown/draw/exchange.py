@@ -40,7 +40,7 @@ class Edge(NamedTuple):
 
     @property
     def said(self) -> tuple[Role, str]:
-        """Return the sender and its words."""
+        """The sender and its words."""
         return self.sender, self.sent.word
 
 
@@ -162,7 +162,7 @@ class _Writer:
             yield Frame("opt", f"while {' or '.join(name_of(place) for place in places)}", (after,))
 
     def _line(self, place: Place, heads: tuple[Place, ...]) -> list[Part]:
-        """Return the parts that follow a place, up to the end or the innermost head of a loop."""
+        """The parts that follow a place, up to the end or the innermost head of a loop."""
         if place in heads:
             return [] if place == heads[-1] else [self._reference(place)]
         if place in self.written and not self._short(place):
@@ -224,7 +224,7 @@ class _Writer:
     def _shortcut(
         self, groups: list[list[Edge]], heads: tuple[Place, ...]
     ) -> tuple[list[Edge], list[list[Edge]]] | None:
-        """Return a step that can be omitted without hiding a message from the diagram (an agree), else None.
+        """A step that can be omitted without hiding a message from the diagram (an agree), else None.
 
         That is: after it only messages are possible that were possible before it. Also return the groups of messages
         that it does not lead to.

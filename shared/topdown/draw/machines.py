@@ -32,7 +32,11 @@ def _parts(agent: Agent) -> tuple[Grid | Figure, ...]:
     if not agent.state:
         return (Grid(f"{agent.name}: no state machine in the design", ("state",), ()),)
     caption = f"{agent.name}: {agent.text}" if agent.text else agent.name
-    arcs = "\n".join(_arc_words(agent, arc) for arc in agent.arc)
+    longest = max(len(state.name) for state in agent.state)
+    labels = ((arc, label_of(agent, arc)) for arc in agent.arc)
+    arcs = "\n".join(
+        f"{a.source.rjust(longest)} ──{f' {label} ' if label else ''}──▶ {a.target}" for a, label in labels
+    )
     figure = Figure(f"machine-{agent.name}", caption, draw(agent), arcs, agent, rulings((agent.name, agent.ruling)))
     rows = (*([_events(agent)] if agent.row else []), *([_choices(agent)] if agent.choice else []))
     return (figure, _states(agent), _sense(agent), *rows)
@@ -54,7 +58,7 @@ def _states(agent: Agent) -> Grid:
 
 
 def _sense(agent: Agent) -> Grid:
-    """Return the purpose of the states, and the protocols in which they act."""
+    """The purpose of the states, and the protocols in which they act."""
     rows = tuple((state.name, listed(state.talks), state.text) for state in agent.state)
     notes = rulings(*((state.name, state.ruling) for state in agent.state))
     return Grid(f"{agent.name}: what is done there", ("state", "talks in", "what it does"), rows, notes)
@@ -89,14 +93,8 @@ def _choices(agent: Agent) -> Grid:
     return Grid(f"{agent.name}: ways to go on", head, rows, notes, detail=True)
 
 
-def _arc_words(agent: Agent, arc: Arc) -> str:
-    longest = max(len(state.name) for state in agent.state)
-    label = label_of(agent, arc)
-    return f"{arc.source.rjust(longest)} ──{f' {label} ' if label else ''}──▶ {arc.target}"
-
-
 def label_of(agent: Agent, arc: Arc) -> str:
-    """Return the label of an arc: its place among the state's arcs if there are several, and its condition."""
+    """The label of an arc: its place among the state's arcs if there are several, and its condition."""
     beside = [other for other in agent.arc if other.source == arc.source]
     if len(beside) == 1:
         return arc.when
@@ -130,7 +128,8 @@ class _Drawing:
             Side(1, [arc for arc in known if self._steps(arc) >= 0 and id(arc) not in straight]),
             Side(-1, [arc for arc in known if self._steps(arc) < 0]),
         )
-        self.width = max(150.0, *(self._width(state) for state in self.states))
+        lines = [line for state in self.states for line in ((state.name, "strong"), *self._lines(state))]
+        self.width = max(150.0, *(width_of(*line) + 32 for line in lines))
         self.boxes: dict[str, Box] = {}
         y = 0.0
         for state in self.states:
@@ -141,7 +140,10 @@ class _Drawing:
         for side in self.sides:
             self._side(side)
         for arc in self.straight:
-            self._down(arc)
+            x, top = self.width / 2, self.boxes[arc.source].bottom
+            self.canvas.arrow([(x, top), (x, self.boxes[arc.target].y)])
+            if label := label_of(self.agent, arc):
+                self.canvas.words((x + 7, top + 17), label, "small")
         for state in self.states:
             self._state(state)
         if initial:
@@ -152,9 +154,6 @@ class _Drawing:
     def _lines(self, state: State) -> list[tuple[str, str]]:
         lines = [(state.behaviour, ""), (f"until {state.terminal}", "small quiet")]
         return [*lines, (f"or error {state.error}", "small alert")] if state.error else lines
-
-    def _width(self, state: State) -> float:
-        return max(width_of(state.name, "strong"), *(width_of(*line) for line in self._lines(state))) + 32
 
     def _state(self, state: State) -> None:
         box = self.boxes[state.name]
@@ -198,13 +197,6 @@ class _Drawing:
             anchor = "start" if side.sign > 0 else "end"
             self.canvas.words((start[0] + side.sign * 8, start[1] - 4), label, "small", anchor)
 
-    def _down(self, arc: Arc) -> None:
-        """An arc to the next layer."""
-        x, top, bottom = self.width / 2, self.boxes[arc.source].bottom, self.boxes[arc.target].y
-        self.canvas.arrow([(x, top), (x, bottom)])
-        if label := label_of(self.agent, arc):
-            self.canvas.words((x + 7, top + 17), label, "small")
-
     def _steps(self, arc: Arc) -> int:
-        """Return the number of layers that an arc leads down."""
+        """The number of layers that an arc leads down."""
         return self.rank[arc.target] - self.rank[arc.source]

@@ -1,12 +1,15 @@
 """Protocols in use: a sequence diagram of each (the paper's Figures 8 and 9), its messages, and the rows behind it."""
 
+from collections.abc import Mapping
+
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Protocol, Role, Row, Way
+from topdown.draw import exchange as exchanges
 from topdown.draw import sequence
 from topdown.draw.canvas import Canvas
-from topdown.draw.channels import seconds, size
 from topdown.draw.document import Figure, Grid, Section, listed, rulings
-from topdown.draw.exchange import Exchange, Sayable, exchange, spoken
+from topdown.draw.exchange import Exchange, Part, Said, Sayable, exchange, spoken
+from topdown.draw.system import seconds, size
 from topdown.model.design import Design
 from topdown.model.elements import Message
 from topdown.model.elements import Protocol as Use
@@ -14,7 +17,10 @@ from topdown.model.errors import NoSuchEntry
 from topdown.model.own_tables import fipa_table
 
 ALWAYS = "not-understood: either side may say it at any point; it ends the conversation."
-ROLES = sequence.Cast("initiator", "participant")
+NAMED = 3  # classes of a content that are named in a diagram
+
+Carried = Mapping[tuple[Role, Performative], tuple[tuple[str, tuple[str, ...]], ...]]
+"""Contents of each act: a language, and what may be said in it (nothing: no content)."""
 
 
 def section(design: Design, wanted: str | None, width: int) -> Section:
@@ -28,7 +34,11 @@ def section(design: Design, wanted: str | None, width: int) -> Section:
         table = design.own_tables.get(wanted or "") or fipa_table(wanted or "")
         if table is None:
             raise NoSuchEntry("protocol", str(wanted), sorted({*design.protocols, *design.tables}))
-        parts = _alone(table, width)
+        found = exchange(table)
+        figure = _figure(
+            f"protocol-{table.name}", diagram(found, f"{table.name}, by its table"), found, width, (ALWAYS,)
+        )
+        parts = [figure, _rows(f"The rows of {table.name}", table, found, None)]
     lead = "Who may say what, in which order. alt: one of these; loop: any number of times; opt: once or not at all."
     return Section("protocols", "Protocols", lead, tuple(parts))
 
@@ -41,40 +51,66 @@ def _use(use: Use, protocol: Protocol | None, about: tuple[str, ...], width: int
             for role, name in ((Role.INITIATOR, use.initiator), (Role.PARTICIPANT, use.participant))
         }
         found = exchange(protocol, sayable)
-        cast = sequence.Cast(use.initiator, use.participant, _carried(use))
+        cast = (use.initiator, use.participant)
         caption = f"{use.name}: {use.follows} on {use.channel}, {use.initiator} asks {use.participant}"
         notes = (*about, ALWAYS, *rulings((use.name, use.ruling)))
-        parts.append(_figure(f"protocol-{use.name}", caption, found, cast, width, notes))
+        shown = diagram(found, caption, cast, _carried(use))
+        parts.append(_figure(f"protocol-{use.name}", shown, found, width, notes))
     parts.append(_messages(use))
     if protocol is not None:
         parts.append(_rows(f"{use.name}: the rows of {use.follows}", protocol, found, sayable))
     return parts
 
 
-def _alone(protocol: Protocol, width: int) -> list[Grid | Figure]:
-    """A protocol between no particular agents."""
-    found = exchange(protocol)
-    figure = _figure(f"protocol-{protocol.name}", f"{protocol.name}, by its table", found, ROLES, width, (ALWAYS,))
-    return [figure, _rows(f"The rows of {protocol.name}", protocol, found, None)]
-
-
 def draw(protocol: Protocol) -> Canvas:
-    """Return the drawing of a protocol between no particular agents, with its name above."""
-    canvas = sequence.draw(exchange(protocol).parts, ROLES, f"The protocol {protocol.name}")
+    """The drawing of a protocol between no particular agents, with its name above."""
+    canvas = sequence.draw(diagram(exchange(protocol), f"The protocol {protocol.name}"))
     canvas.words((canvas.boxes[0].x, -14), protocol.name, "strong large")
     return canvas
 
 
-def _figure(
-    name: str, caption: str, found: Exchange, cast: sequence.Cast, width: int, notes: tuple[str, ...]
-) -> Figure:
-    canvas = sequence.draw(found.parts, cast, caption)
-    return Figure(name, caption, canvas, sequence.plain(found.parts, cast, width), found.parts, notes)
+def _figure(name: str, shown: sequence.Diagram, found: Exchange, width: int, notes: tuple[str, ...]) -> Figure:
+    return Figure(name, shown.title, sequence.draw(shown), sequence.plain(shown, width), found.parts, notes)
 
 
-def _carried(use: Use) -> sequence.Carried:
-    """Return the content of each act: languages, and classes or the sets of them."""
-    carried: dict[tuple[Role, Performative], tuple[sequence.Content, ...]] = {}
+def diagram(
+    found: Exchange, title: str, cast: tuple[str, str] = ("initiator", "participant"), carried: Carried | None = None
+) -> sequence.Diagram:
+    """An exchange between initiator and participant as a diagram; `carried`: what stands below the arrows."""
+
+    def rows(parts: tuple[Part, ...]) -> tuple[sequence.Row, ...]:
+        found: list[sequence.Row] = []
+        for part in parts:
+            if isinstance(part, Said):
+                ends = cast if part.sender is Role.INITIATOR else cast[::-1]
+                *first, last = part.words
+                label = f"{', '.join(first)} or {last}" if first else last
+                found.append(sequence.Arrow(*ends, label, _detail(part, carried or {})))
+            elif isinstance(part, exchanges.Frame):
+                found.append(sequence.Frame(part.kind, part.title, tuple(map(rows, part.branches))))
+            else:
+                found.append(sequence.Note(part.text))
+        return tuple(found)
+
+    return sequence.Diagram(title, cast, rows(found.parts))
+
+
+def _detail(said: Said, carried: Carried) -> str:
+    """The content of these acts in words: languages, and classes of each."""
+    languages: dict[str, dict[str, None]] = {}
+    for act in said.acts:
+        for language, names in carried.get((said.sender, act), ()):
+            languages.setdefault(language, {}).update(dict.fromkeys(names or ("no content",)))
+
+    def few(names: list[str]) -> str:
+        more = [f"{len(names) - NAMED} more"] if len(names) > NAMED + 1 else names[NAMED:]
+        return ", ".join([*names[:NAMED], *more])
+
+    return "; ".join(f"{language}: {few(list(names))}" for language, names in languages.items())
+
+
+def _carried(use: Use) -> Carried:
+    carried: dict[tuple[Role, Performative], tuple[tuple[str, tuple[str, ...]], ...]] = {}
     for message in use.message:
         role = Role.INITIATOR if message.sender == use.initiator else Role.PARTICIPANT
         key = (role, message.performative)

@@ -1,138 +1,144 @@
-"""Sequence diagrams (the paper's Figures 8 and 9): two lifelines, what is said in order, frames around alternatives.
+"""Sequence diagrams: lifelines, arrows between them in order, frames around alternatives. As SVG and as text.
 
-The same parts as drawing and as text; both go down the page one row after the other.
+Of a protocol's two roles (the paper's Figures 8 and 9), and of the traffic among any number of agents.
 """
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import Union
 
 import msgspec
 
-from fipa_codec.performatives import Performative
-from fipa_codec.tables import Role
 from topdown.draw.canvas import Box, Canvas, width_of
-from topdown.draw.exchange import Frame, Part, Remark, Said
-
-STEP = 14.0  # how much further in each frame stands [px]
-LEAST = 340.0  # least distance of the lifelines [px]
-HEAD = 20.0
-
-NAMED = 3  # classes of a content that are named in a diagram
-
-Content = tuple[str, tuple[str, ...]]
-"""A language, and what may be said in it (nothing: no content)."""
-Carried = Mapping[tuple[Role, Performative], tuple[Content, ...]]
 
 
-class Cast(msgspec.Struct, frozen=True):
-    """Names of the roles, and the contents of each act."""
+class Arrow(msgspec.Struct, frozen=True):
+    """Something that was or may be said: `label` on its arrow, `detail` below, `alert`: what is wrong with it.
 
-    initiator: str
-    participant: str
-    carries: Carried = {}
+    `at`: seconds after the first one; None: no times are shown. Where `sender` or `receiver` has no lifeline it is a
+    remark.
+    """
 
-    def name(self, role: Role) -> str:
-        """The player of a role."""
-        return self.initiator if role is Role.INITIATOR else self.participant
-
-    def detail(self, said: Said) -> str:
-        """Return the content of these acts in words: languages, and classes of each."""
-        languages: dict[str, dict[str, None]] = {}
-        for act in said.acts:
-            for language, names in self.carries.get((said.sender, act), ()):
-                languages.setdefault(language, {}).update(dict.fromkeys(names or ("no content",)))
-        return "; ".join(f"{language}: {_few(list(names))}" for language, names in languages.items())
+    sender: str
+    receiver: str
+    label: str
+    detail: str = ""
+    alert: str = ""
+    at: float | None = None
 
 
-def _few(names: list[str]) -> str:
-    if len(names) > NAMED + 1:
-        names = [*names[:NAMED], f"{len(names) - NAMED} more"]
-    return ", ".join(names)
+class Note(msgspec.Struct, frozen=True):
+    """Words between the lifelines."""
+
+    text: str
 
 
-def words_of(said: Said) -> str:
-    """The words one side says one of."""
-    *first, last = said.words
-    return f"{', '.join(first)} or {last}" if first else last
+class Frame(msgspec.Struct, frozen=True):
+    """alt: one of the branches; loop: the branch any number of times; opt: the branch or nothing."""
+
+    kind: str
+    title: str
+    branches: tuple[tuple["Row", ...], ...]
 
 
-def depth_of(parts: tuple[Part, ...]) -> int:
-    """Return the depth of nested frames."""
-    inner = [depth_of(branch) for part in parts if isinstance(part, Frame) for branch in part.branches]
+Row = Union[Arrow, Note, Frame]  # noqa: UP007  (Frame refers to it by name)
+
+
+class Diagram(msgspec.Struct, frozen=True):
+    """Lifelines from left to right, and the rows below each other."""
+
+    title: str
+    lifelines: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def _depth(rows: Sequence[Row]) -> int:
+    """Frames around each other."""
+    inner = [_depth(branch) for row in rows if isinstance(row, Frame) for branch in row.branches]
     return 1 + max(inner) if inner else 0
 
 
-def draw(parts: tuple[Part, ...], cast: Cast, title: str) -> Canvas:
+# --- SVG --------------------------------------------------------------------------------------------------------------
+
+
+STEP = 14.0  # how much further in each frame stands [px]
+LEAST_OF_TWO, LEAST = 340.0, 120.0  # least distance of the lifelines, if there are two, and of more [px]
+HEAD = 20.0
+TIME = 64.0  # width of the times at the left [px]
+MOST = 48  # letters of a detail in a timed diagram; more would be wider than the arrow of most (estimate)
+
+
+def draw(diagram: Diagram) -> Canvas:
     """The diagram as a drawing."""
-    return _Drawing(parts, cast, title).canvas
+    return _Drawing(diagram).canvas
 
 
 class _Drawing:
-    def __init__(self, parts: tuple[Part, ...], cast: Cast, title: str) -> None:
-        self.canvas, self.cast = Canvas(title), cast
-        self.depth = depth_of(parts)
-        names = (cast.initiator, cast.participant)
-        self.half = max(42.0, *(width_of(name, "strong large") / 2 + 14 for name in names))
-        self.left = self.half + STEP * self.depth
-        self.right = self.left + max(LEAST, self._widest(parts) + 40)
-        self.lines: list[tuple[float, float]] = []
+    def __init__(self, diagram: Diagram) -> None:
+        self.canvas, under = Canvas(diagram.title), Canvas(diagram.title)
+        names = diagram.lifelines
+        half = max([42.0, *(width_of(name, "strong large") / 2 + 14 for name in names)])
+        timed = any(isinstance(row, Arrow) and row.at is not None for row in diagram.rows)
+        self.left = TIME if timed else 0.0
+        gap = max(LEAST_OF_TWO if len(names) == 2 else LEAST, 2 * half + 6, self._widest(diagram.rows) + 40)
+        first = self.left + half + STEP * _depth(diagram.rows)
+        self.at = {name: first + number * gap for number, name in enumerate(names)}
+        self.ends = min(self.at.values(), default=first), max(self.at.values(), default=first)
         self.y = 44.0
-        self._parts(parts, 0)
-        self.y += 14
-        self._lifelines(names)
-
-    def _widest(self, parts: tuple[Part, ...]) -> float:
-        widths = [0.0]
-        for part in parts:
-            if isinstance(part, Said):
-                widths += [width_of(words_of(part), "strong"), width_of(self.cast.detail(part), "small")]
-            elif isinstance(part, Frame):
-                widths += [width_of(part.title, "small") + 60, *(self._widest(branch) for branch in part.branches)]
-        return max(widths)
-
-    def _lifelines(self, names: tuple[str, str]) -> None:
-        under = Canvas(self.canvas.title)
-        for x, name in zip((self.left, self.right), names, strict=True):
-            under.line([(x, 30), (x, self.y)], "life")
-            under.box(Box(x - self.half, 0, 2 * self.half, 30), "box")
+        self._rows(diagram.rows, 0)
+        for name, x in self.at.items():
+            under.line([(x, 30), (x, self.y + 14)], "life")
+            under.box(Box(x - half, 0, 2 * half, 30), "box")
             under.words((x, 20), name, "strong large", "middle")
         self.canvas.put_under(under)
 
-    def _parts(self, parts: tuple[Part, ...], depth: int) -> None:
-        for part in parts:
-            if isinstance(part, Said):
-                self._said(part)
-            elif isinstance(part, Frame):
-                self._frame(part, depth)
-            else:
-                self._remark(part)
+    def _widest(self, rows: Sequence[Row]) -> float:
+        """What must fit between two lifelines; a long alert may cross its neighbours."""
+        widths = [0.0]
+        for row in rows:
+            if isinstance(row, Arrow):
+                widths += [width_of(row.label, "strong"), width_of(_detail(row), "small")]
+            elif isinstance(row, Frame):
+                widths += [width_of(row.title, "small") + 60, *(self._widest(branch) for branch in row.branches)]
+        return max(widths)
 
-    def _said(self, said: Said) -> None:
-        ends = (self.left, self.right) if said.sender is Role.INITIATOR else (self.right, self.left)
-        middle = (self.left + self.right) / 2
+    def _rows(self, rows: Sequence[Row], depth: int) -> None:
+        for row in rows:
+            if isinstance(row, Arrow):
+                self._arrow(row)
+            elif isinstance(row, Frame):
+                self._frame(row, depth)
+            else:
+                self.y += 20
+                self.canvas.patched(((self.ends[0] + self.ends[1]) / 2, self.y), row.text, "small quiet", "middle")
+                self.y += 4
+
+    def _arrow(self, row: Arrow) -> None:
+        joined = row.sender in self.at and row.receiver in self.at and row.sender != row.receiver
+        start, tip = (self.at[row.sender], self.at[row.receiver]) if joined else (self.ends[0], self.ends[0])
+        middle, anchor = (start + tip) / 2, "middle" if joined else "start"
         self.y += 26
-        self.canvas.patched((middle, self.y - 7), words_of(said), "strong", "middle")
-        self.canvas.arrow([(ends[0], self.y), (ends[1], self.y)])
-        if detail := self.cast.detail(said):
-            self.y += 15
-            self.canvas.patched((middle, self.y), detail, "small quiet", "middle")
+        if row.at is not None:
+            self.canvas.words((self.left - 12, self.y), f"+{row.at:.2f} s", "small quiet", "end")
+        label = row.label if joined else f"{row.sender} > {row.receiver} {row.label}"
+        self.canvas.patched((middle, self.y - 7), label, "strong", anchor)
+        if joined:
+            self.canvas.arrow([(start, self.y), (tip, self.y)])
+        for words, css in ((_detail(row), "small quiet"), (row.alert, "small alert")):
+            if words:
+                self.y += 15
+                self.canvas.patched((middle, self.y), words, css, anchor)
         self.y += 6
 
-    def _remark(self, remark: Remark) -> None:
-        self.y += 20
-        middle = (self.left + self.right) / 2
-        self.canvas.patched((middle, self.y), remark.text, "small quiet", "middle")
-        self.y += 4
-
     def _frame(self, frame: Frame, depth: int) -> None:
-        x, top = STEP * depth, self.y + 10
-        width = self.right + self.left - 2 * x
+        x, top = self.left + STEP * depth, self.y + 10
+        width = self.ends[0] + self.ends[1] - self.left - 2 * STEP * depth
         self.y = top + HEAD
         for number, branch in enumerate(frame.branches):
             if number:
                 self.y += 10
                 self.canvas.line([(x, self.y), (x + width, self.y)], "life")
-            self._parts(branch, depth + 1)
+            self._rows(branch, depth + 1)
         self.y += 12
         self.canvas.box(Box(x, top, width, self.y - top), "frame", 3, solid=False)
         tab = width_of(frame.kind, "strong small") + 16
@@ -143,41 +149,68 @@ class _Drawing:
         self.y += 4
 
 
-def plain(parts: tuple[Part, ...], cast: Cast, width: int) -> str:
-    """The diagram as text."""
-    gutter = 2 * depth_of(parts) + 5
+def _detail(row: Arrow) -> str:
+    return row.detail if row.at is None or len(row.detail) <= MOST else row.detail[: MOST - 1] + "…"
+
+
+# --- Text -------------------------------------------------------------------------------------------------------------
+
+
+class Columns:
+    """Lifelines in lines of text; `at`: the column of each, the first is 0."""
+
+    def __init__(self, names: Sequence[str], gap: int) -> None:
+        self.at = {name: number * gap for number, name in enumerate(names)}
+        self.width = max(self.at.values(), default=0) + 1
+
+    def between(self, words: str = "") -> str:
+        """The first and the last lifeline, with words between them."""
+        return f"│{words.center(self.width - 2)}│"
+
+    def arrow(self, sender: str, receiver: str, label: str) -> str:
+        """An arrow with as much of its label as there is room for; "" where one of the two has no lifeline."""
+        if sender not in self.at or receiver not in self.at or sender == receiver:
+            return ""
+        start, tip = self.at[sender], self.at[receiver]
+        left, right = min(start, tip), max(start, tip)
+        room = right - left - 2
+        words = f" {label} " if len(label) + 2 < room else f" {label} "[: room - 2] + "…"
+        cells = ["│" if column in self.at.values() else " " for column in range(self.width)]
+        for column, letter in enumerate(words.center(room, "─"), left + (1 if start < tip else 2)):
+            crossed = letter == "─" and cells[column] == "│"
+            cells[column] = "┼" if crossed else letter
+        cells[start] = "├" if start < tip else "┤"
+        cells[tip + (-1 if start < tip else 1)] = "▶" if start < tip else "◀"
+        return "".join(cells)
+
+
+def plain(diagram: Diagram, width: int) -> str:
+    """A diagram of two lifelines as text; frames are bars at the left."""
+    gutter = 2 * _depth(diagram.rows) + 5
     span = max(24, min(width - gutter, 86))
-    left, right = cast.initiator, cast.participant
+    left, right = diagram.lifelines
     head = f"{' ' * gutter}{left}{right.rjust(span - len(left))}"
-    return "\n".join([head, *_lines(parts, cast, "", gutter, span)])
+    return "\n".join([head, *_lines(diagram.rows, Columns((left, right), span - 1), "", gutter)])
 
 
-def _lines(parts: tuple[Part, ...], cast: Cast, bars: str, gutter: int, span: int) -> list[str]:
+def _lines(rows: Sequence[Row], columns: Columns, bars: str, gutter: int) -> list[str]:
     lines: list[str] = []
-    for part in parts:
-        if isinstance(part, Said):
-            lines += [f"{bars.ljust(gutter)}{text}" for text in _arrow(part, cast, span)]
-        elif isinstance(part, Remark):
-            lines += _between(bars, [part.text], gutter, span)
+
+    def between(before: str, words: Sequence[str]) -> None:
+        lines.extend(f"{before.ljust(gutter)}{columns.between(line)}" for line in words)
+
+    for row in rows:
+        if isinstance(row, Arrow):
+            *above, last = textwrap.wrap(row.label, columns.width - 8)
+            between(bars, above)
+            lines.append(f"{bars.ljust(gutter)}{columns.arrow(row.sender, row.receiver, last)}")
+            between(bars, textwrap.wrap(row.detail, columns.width - 6))
+        elif isinstance(row, Note):
+            between(bars, [row.text])
         else:
-            title = textwrap.wrap(f"[{part.title}]", span - 4) if part.title else [""]
-            for number, branch in enumerate(part.branches):
-                opening = f"{bars}├ or" if number else f"{bars}┌ {part.kind}"
-                lines += _between(opening, [""] if number else title, gutter, span)
-                lines += _lines(branch, cast, f"{bars}│ ", gutter, span)
-            lines += _between(f"{bars}└", [""], gutter, span)
+            title = textwrap.wrap(f"[{row.title}]", columns.width - 4) if row.title else [""]
+            for number, branch in enumerate(row.branches):
+                between(f"{bars}├ or" if number else f"{bars}┌ {row.kind}", [""] if number else title)
+                lines += _lines(branch, columns, f"{bars}│ ", gutter)
+            between(f"{bars}└", [""])
     return lines
-
-
-def _between(gutter_text: str, words: list[str], gutter: int, span: int) -> list[str]:
-    """Words between the lifelines."""
-    return [f"{gutter_text.ljust(gutter)}│{line.center(span - 2)}│" for line in words]
-
-
-def _arrow(said: Said, cast: Cast, span: int) -> list[str]:
-    words = textwrap.wrap(words_of(said), span - 8)
-    above = [f"│{line.center(span - 2)}│" for line in words[:-1]]
-    label = f" {words[-1]} ".center(span - 3, "─")
-    shaft = f"├{label}▶│" if said.sender is Role.INITIATOR else f"│◀{label}┤"
-    details = textwrap.wrap(cast.detail(said), span - 6)
-    return [*above, shaft, *(f"│{line.center(span - 2)}│" for line in details)]

@@ -4,14 +4,16 @@ A group that stays a group (no agent of its name) has a broken outline. Each end
 the border: x receives, y sends.
 """
 
+from collections.abc import Iterable, Iterator
+
 import msgspec
 
 from topdown.draw.canvas import Box, Canvas, Point, placed, spread, tracks, width_of, wrapped
-from topdown.draw.document import Figure, Section
-from topdown.draw.steps import natural
-from topdown.draw.text import hung
+from topdown.draw.decomposition import natural
+from topdown.draw.document import Figure, Grid, Section, hung, listed
 from topdown.model.decomposition import Channel
-from topdown.model.design import Design
+from topdown.model.design import Design, Rule
+from topdown.model.elements import Protocol
 
 INNER = 196.0  # least width of a box [px]
 PORT = 15.0
@@ -28,16 +30,16 @@ class Join(msgspec.Struct, frozen=True):
 
     @property
     def width(self) -> float:
-        """Return the width of its label [px]."""
+        """The width of its label [px]."""
         return max(width_of(self.label[0], "strong"), *(width_of(line, "small") for line in self.label[1:]), 0.0) + 8
 
     @property
     def height(self) -> float:
-        """Return the height of its label [px]."""
+        """The height of its label [px]."""
         return LINE * len(self.label) + 6
 
 
-def section(design: Design, width: int) -> Section:
+def system_section(design: Design, width: int) -> Section:
     """The system figure."""
     lead = "The agents, their control subsystems and buffers, and the channels between them with their protocols."
     name = design.file.system.name
@@ -47,13 +49,13 @@ def section(design: Design, width: int) -> Section:
 
 
 def labels(design: Design, channel: Channel) -> tuple[str, ...]:
-    """Return the label of a channel: its id, and who asks whom in which protocol."""
+    """The label of a channel: its id, and who asks whom in which protocol."""
     uses = (use for use in design.file.protocol if use.channel == channel.id)
     return (channel.id, *dict.fromkeys(f"{use.follows}: {use.initiator} → {use.participant}" for use in uses))
 
 
 def task_of(design: Design, group: str) -> str:
-    """Return the task of a group: from the step that made it, or from the entry of a group that stays one."""
+    """The task of a group: from the step that made it, or from the entry of a group that stays one."""
     texts = {entry.name: entry.text for entry in design.file.group}
     return design.decomposition.tasks.get(group, "") or texts.get(group, "")
 
@@ -85,7 +87,7 @@ class _Drawing:
         shown = [c for c in channels if all(end in groups for end in c.ends) and c.ends[0] != c.ends[1]]
         self.cells = placed(groups, [c.ends for c in shown])
         self.joins = [Join(c, labels(design, c), self._sides(c)) for c in shown]
-        self.words = {group: self._task(group) for group in groups}
+        self.words = {group: wrapped(task_of(self.design, group), INNER - 2 * PORT - 24, "small") for group in groups}
         widest = max((width_of(line, "small") for lines in self.words.values() for line in lines), default=0.0)
         ports = (PAIR * self._most(group, ("top", "bottom")) + 20 for group in groups)
         self.width = max(INNER, widest + 2 * PORT + 24, *ports)  # a word longer than a line is not broken
@@ -101,9 +103,6 @@ class _Drawing:
             self._box(group)
         for join in self.joins:
             self._ports(join)
-
-    def _task(self, group: str) -> list[str]:
-        return wrapped(task_of(self.design, group), INNER - 2 * PORT - 24, "small")
 
     def _sides(self, channel: Channel) -> tuple[str, str]:
         (row, column), (other_row, other_column) = (self.cells[end] for end in channel.ends)
@@ -147,7 +146,7 @@ class _Drawing:
                 break
             corridor += 24
         for join in self.joins:
-            self._line(join)
+            self.canvas.line(self._path(join), "channel")
         for join in self.joins:
             if (spots or {}).get(join.channel.id) is not None and spots:
                 self._label(join, spots[join.channel.id])
@@ -194,9 +193,6 @@ class _Drawing:
                 return None
         return found
 
-    def _line(self, join: Join) -> None:
-        self.canvas.line(self._path(join), "channel")
-
     def _label(self, join: Join, middle: Point) -> None:
         x, y = middle
         top = y - join.height / 2
@@ -232,3 +228,120 @@ class _Drawing:
                 self.canvas.box(Box(*corner, PORT, PORT), f"port{' full' if number else ''}", 2, solid=False)
                 css = "small strong knock" if number else "small strong"
                 self.canvas.words((corner[0] + PORT / 2, corner[1] + 11), letter, css, "middle")
+
+
+# --- Tables of the channels: their ends and protocols, buffers at both ends, and each agent's interface ---------------
+
+
+def size(count: int) -> str:
+    """Bytes in the unit that people read; 0: no budget."""
+    if not count:
+        return "-"
+    for unit, factor in (("MiB", 1 << 20), ("KiB", 1 << 10), ("MB", 1_000_000), ("kB", 1000)):
+        if count % factor == 0:
+            return f"{count // factor} {unit}"
+    return f"{count} B"
+
+
+def seconds(value: float) -> str:
+    """A time in the unit that people read; 0: no budget."""
+    if not value:
+        return "-"
+    return f"{value:g} s" if value >= 1 else f"{value * 1000:g} ms"
+
+
+def channels_section(design: Design) -> Section:
+    """Channels, the protocols on them, the budgets of their messages."""
+    channels = sorted(design.channels.values(), key=lambda channel: natural(channel.id))
+    uses = sorted(design.file.protocol, key=lambda use: (natural(use.channel), use.name))
+    plain = tuple((c.id, "-".join(c.ends), str(c.born), "; ".join(c.transmits)) for c in channels)
+
+    def languages(use: Protocol) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(message.language for message in use.message if message.language))
+
+    service = tuple(
+        (u.channel, u.name, u.follows, u.initiator, u.participant, listed(languages(u)), u.ontology or "-")
+        for u in uses
+    )
+    budgets = tuple(_budget(design, use) for use in uses)
+    grids = (
+        Grid("Channels", ("channel", "between", "since step", "transmits"), plain),
+        Grid(
+            "Direction of service, protocols, languages, ontologies",
+            ("channel", "use", "protocol", "asks", "serves", "languages", "ontology"),
+            service,
+        ),
+        Grid(
+            "Delivery and budgets",
+            ("channel", "use", "delivery", "largest asked", "largest answered", "answer within"),
+            budgets,
+        ),
+    )
+    return Section("channels", "Channels", "Who is joined to whom, who asks and who serves, in which words.", grids)
+
+
+def _budget(design: Design, use: Protocol) -> tuple[str, ...]:
+    """The costs of one use of a protocol."""
+    asked = max((m.bytes for m in use.message if m.sender == use.initiator), default=0)
+    answered = max((m.bytes for m in use.message if m.sender == use.participant), default=0)
+    delivery = "durable" if use.durable else "newest value" if use.latest else "asked again"
+    return use.channel, use.name, delivery, size(asked), size(answered), seconds(use.latency_s)
+
+
+def buffers(design: Design) -> Section:
+    """The four buffers of each channel: T_x (input) and T_y (output) at both ends."""
+    rows: list[tuple[str, ...]] = []
+    for channel in sorted(design.channels.values(), key=lambda c: natural(c.id)):
+        for end in channel.ends:
+            peer = channel.other(end)
+            into = _acts(r for r in design.rules.values() if (r.sender, r.receiver) == (peer, end))
+            out = _acts(r for r in design.rules.values() if (r.sender, r.receiver) == (end, peer))
+            rows.append((channel.id, end, f"T_x c_{end}", f"from {peer}", into))
+            rows.append((channel.id, end, f"T_y c_{end}", f"to {peer}", out))
+    lead = "Each channel is four buffers: an input buffer T_x and an output buffer T_y at both its ends."
+    grid = Grid("Buffers", ("channel", "at", "buffer", "direction", "holds"), tuple(rows))
+    return Section("buffers", "Buffers", lead, (grid,))
+
+
+def _acts(rules: Iterable[Rule]) -> str:
+    acts: dict[str, list[str]] = {}
+    for rule in rules:
+        acts.setdefault(rule.protocol, []).append(rule.performative.value)
+    return "; ".join(f"{protocol}: {', '.join(sorted(found))}" for protocol, found in acts.items()) or "-"
+
+
+def interfaces(design: Design, agent: str | None) -> Section:
+    """Each agent's interface: what it sends and receives, what it can be asked and asks."""
+    names = design.decomposition.last.groups if agent is None else (design.agent(agent).name,)
+    parts = tuple(grid for name in sorted(names) for grid in _interface(design, name))
+    lead = "What each agent sends and receives; anything else is answered with not-understood."
+    return Section("interfaces", "Interfaces of the agents", lead, parts)
+
+
+def _interface(design: Design, name: str) -> Iterator[Grid]:
+    side = design.side(name)
+    rows = (
+        ("performatives", listed(sorted(side.sends)), listed(sorted(side.receives))),
+        ("languages", listed(sorted(side.languages_sent)), listed(sorted(side.languages_received))),
+        ("ontologies", listed(sorted(side.ontologies_sent)), listed(sorted(side.ontologies_received))),
+    )
+    yield Grid(f"{name}: sets", ("", "sends", "receives"), rows)
+    uses = [use for use in design.file.protocol if name in (use.initiator, use.participant)]
+    for title, mine in (("answers", True), ("asks", False)):
+        entries = tuple(
+            (
+                use.name,
+                use.initiator if mine else use.participant,
+                entry.performative.value,
+                entry.name,
+                listed(entry.arguments),
+                " | ".join(entry.answers) or "-",
+            )
+            for use in uses
+            if (use.participant == name) is mine
+            for entry in design.entries(use.name)
+        )
+        peer = "of" if mine else "from"
+        if entries:
+            head = ("use", peer, "performative", "name", "arguments", "answer")
+            yield Grid(f"{name} {title}", head, entries, folded=len(entries) > 8)

@@ -5,7 +5,6 @@ was said before.
 """
 
 import re
-from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -73,26 +72,20 @@ class Admission:
         if rule is None:
             fault = Fault(Verdict.NOT_ENTITLED, self._no_rule(one))
             return Admitted(None, (self.parts(key) or {}).get("channel", ""), (), (fault,))
-        faults = [*self._wrong(key, one, rule, name, unread)]
+        faults = []
+        if wrong := self._wrong_key(key, one, rule):
+            faults.append(Fault(Verdict.WRONG_CHANNEL, wrong))
+        if wrong := unread or self._wrong_words(one, rule, name):
+            faults.append(Fault(Verdict.WRONG_LANGUAGE, wrong))
+            kind = None
         most = rule.sizes.get(name or "", rule.bytes)
         if not faults and len(self._fine) < KEYS:
             self._fine[words] = (rule, most)
-        if any(fault.verdict is Verdict.WRONG_LANGUAGE for fault in faults):
-            kind = None
         if size > most > 0:
             what = f" with {name}" if name else ""
             why = f"{size} B; the design allows {one.performative}{what} {most} B"
             faults.append(Fault(Verdict.OVER_BUDGET, why))
         return Admitted(rule, rule.channel, UNKNOWN_KINDS if kind is None else (kind,), tuple(faults))
-
-    def _wrong(self, key: str, one: Communicate, rule: Rule, name: str | None, unread: str | None) -> Iterator[Fault]:
-        """Return the faults of its key and its words."""
-        wrong = self._wrong_key(key, one, rule)
-        if wrong is not None:
-            yield Fault(Verdict.WRONG_CHANNEL, wrong)
-        wrong = unread or self._wrong_words(one, rule, name)
-        if wrong is not None:
-            yield Fault(Verdict.WRONG_LANGUAGE, wrong)
 
     def _no_rule(self, one: Communicate) -> str:
         for agent in (one.sender, one.receiver):

@@ -62,15 +62,21 @@ class Moves:
         return frozenset(found)
 
     def saying(self, states: States, said: Said) -> States:
-        """Return the states it may be in after saying this; none: it may not say it."""
+        """The states it may be in after saying this; none: it may not say it."""
         key = (states, said.performative, said.kinds)
         found = self._known.get(key)
         if found is None:
-            found = self._known[key] = self._saying(states, said)
+            if said.performative is Performative.NOT_UNDERSTOOD:
+                found = frozenset(self._broken(state, said, SEND) for state in states)
+            else:
+                find, kinds = self.table.find, said.kinds
+                rows = (find(state, SEND, said.performative, kind) for state in states for kind in kinds)
+                found = frozenset(row.to for row in rows if row is not None)
+            self._known[key] = found
         return found
 
     def taking(self, states: States, said: Said, *, sure: bool) -> States:
-        """Return the states it may be in after this message (`sure`: and it took it); none: in none of these it can."""
+        """The states it may be in after this message (`sure`: and it took it); none: in none of these it can."""
         key = (states, said.performative, said.kinds, sure)
         found = self._known.get(key)
         if found is None:
@@ -79,16 +85,9 @@ class Moves:
         return found
 
     def words(self, states: States) -> str:
-        """Return what may be said in these states."""
+        """What may be said in these states."""
         words = {row.word for state in states for row in self.table.allowed(state, SEND)}
         return ", ".join(sorted(words)) or "nothing"
-
-    def _saying(self, states: States, said: Said) -> States:
-        act = said.performative
-        if act is Performative.NOT_UNDERSTOOD:
-            return frozenset(self._broken(state, said, SEND) for state in states)
-        rows = (self.table.find(state, SEND, act, kind) for state in states for kind in said.kinds)
-        return frozenset(row.to for row in rows if row is not None)
 
     def _taking(self, state: str, said: Said) -> Iterable[str]:
         table, act = self.table, said.performative
@@ -186,11 +185,11 @@ class Side:
             self._settle([states | BEGIN for states in self._at])
 
     def may_say(self) -> str:
-        """Return what it may say, in words."""
+        """What it may say, in words."""
         return self._moves.words(frozenset().union(*self._at))
 
     def _last(self) -> States:
-        """Return its state once it has taken all it can."""
+        """Its state once it has taken all it can."""
         return next((states for states in reversed(self._at) if states), NOWHERE)
 
     def _drop(self) -> None:
@@ -304,7 +303,7 @@ class Followed:
             self.sides[role.other].hear(said._replace(sure=False))
 
     def _waiting(self, role: Role, label: str) -> dict[Performative, tuple[Kind, ...]]:
-        """Return the acts that `role` said under this label and may have answered: all but an answered cancel."""
+        """The acts that `role` said under this label and may have answered: all but an answered cancel."""
         uses = self._labels[role].get(label, {})
         if label not in self._answered[role]:
             return uses

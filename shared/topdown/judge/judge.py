@@ -15,8 +15,7 @@ from fipa_codec.errors import MalformedError
 from fipa_codec.languages import Languages
 from fipa_codec.tables import Role
 from topdown.judge.admission import Admission, Read
-from topdown.judge.conversations import Entry, Talk, Talks
-from topdown.judge.copies import Copies, Known, Pair, Streams
+from topdown.judge.conversations import Copies, Entry, Known, Pair, Streams, Talk, Talks
 from topdown.judge.verdicts import Heard, Judgement, Verdict
 from topdown.model.design import Design
 

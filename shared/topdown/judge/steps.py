@@ -71,20 +71,24 @@ class Steps(Machine):
             return self.by_event.get((deed.before, Event(Cause.TAKE, *deed.took)), ())
         word, _, about = deed.event.partition(" ")
         causes = _CAUSES.get(word, ())
-        return [row for row in self.spontaneous[deed.before] if row.event.cause in causes and _about(row, about)]
+        rows = [row for row in self.spontaneous[deed.before] if row.event.cause in causes]
+        # Late and back name a use or a peer; a wake or a word of the own side names none.
+        named = (Cause.LATE, Cause.BACK)
+        return [row for row in rows if row.event.cause not in named or not about or row.event.name == about]
 
     def _is_due(self, rows: Iterable[Row], deed: Done) -> bool:
         """Whether doing nothing is less than the rows promise: after a death, or a wait that is over, a row applies
         whatever the conversations are. Other such events may have been for nothing.
         """
         word = deed.event.partition(" ")[0]
-        return word in ("Started", "Late") and any(self._applies_always(row) for row in rows)
-
-    def _applies_always(self, row: Row) -> bool:
-        volatile = all(
-            not self.uses[said.use].durable and said.act in self.uses[said.use].protocol.openings for said in row.say
+        return word in ("Started", "Late") and any(
+            not row.when
+            and not row.several
+            and not any(
+                self.uses[said.use].durable or said.act not in self.uses[said.use].protocol.openings for said in row.say
+            )
+            for row in rows
         )
-        return volatile and not row.when and not row.several
 
     def _fits(self, row: Row, deed: Done) -> bool:
         return (
@@ -97,11 +101,6 @@ class Steps(Machine):
         """Only what is due can be seen of a step from outside; a guard that names other words may hold by them."""
         due = UNSETTLED if self.uses[use].peer in deed.owed else SETTLED
         return due in words or not words <= {SETTLED, UNSETTLED}
-
-
-def _about(row: Row, about: str) -> bool:
-    """Late and back name a use or a peer; a wake or a word of the own side names none."""
-    return row.event.cause not in (Cause.LATE, Cause.BACK) or not about or row.event.name == about
 
 
 def _says(row: Row, said: list[Said]) -> bool:

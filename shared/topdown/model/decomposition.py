@@ -159,7 +159,7 @@ class _Walk:
                 self.doubtful.discard(move.channel)
 
     def _end_to_move(self, step: Step, channel: Channel) -> str:
-        """Return the divided group's end; of a channel in doubt, the end that is not a group."""
+        """The divided group's end; of a channel in doubt, the end that is not a group."""
         if step.divide is not None and step.divide.group in channel.ends:
             return step.divide.group
         lost = [end for end in channel.ends if end not in self.groups]
@@ -189,7 +189,7 @@ class _Walk:
     def _fault_of_split(
         self, step: Step, channel: Channel, into: tuple[str, str], moved: set[str]
     ) -> tuple[str, str] | None:
-        """Return the fault of a split and its correction."""
+        """The fault of a split and its correction."""
         if not self._end_to_move(step, channel):
             return f"{channel.id} does not end at the divided group", "split channels of the divided group only"
         if channel.id in moved:
@@ -211,7 +211,9 @@ class _Walk:
             if group not in channel.ends or channel.id in self.doubtful:
                 continue
             self.doubtful.add(channel.id)
-            heirs = [new.id for new in step.channels if _inherits(new.between, channel.other(group), halves)]
+            other = channel.other(group)
+            takes_part = (new for new in step.channels if any(half in new.between for half in halves))
+            heirs = [new.id for new in takes_part if other in new.between]
             if heirs:
                 wrong = f"channel {channel.id} of the divided group {group!r} ends here, and {heirs[0]} takes its place"
                 self.doubtful.add(heirs[0])
@@ -242,8 +244,3 @@ class _Walk:
                 self._slip(Kind.ONE_END, f"channel {new.id} joins {end!r} with itself", known, "channels")
                 break
         self.channels[new.id] = Channel(new.id, new.between, (new.transmits,), self.number)
-
-
-def _inherits(ends: tuple[str, str], other: str, halves: tuple[str, str]) -> bool:
-    """Whether a new channel joins a half with the other end of the old one."""
-    return other in ends and any(half in ends for half in halves)

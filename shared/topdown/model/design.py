@@ -207,7 +207,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         )
 
     def signal_key(self, kind: str, *, system: str, owner: str, peer: str = "*", incarnation: int | str = "*") -> str:
-        """Return the key expression of traffic other than communicates."""
+        """The key expression of traffic other than communicates."""
         signal = _look_up("signal", kind, self.signals)
         return signal.key.format(system=system, owner=owner, peer=peer, incarnation=incarnation)
 
@@ -216,7 +216,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         return frozenset(p for s, r, i, p in self.rules if (s, r, i) == (sender, receiver, protocol))
 
     def use(self, one: str, other: str, follows: str) -> elements.Protocol:
-        """Return the use of protocol `follows` (a communicate's protocol field) between two agents, in either role."""
+        """The use of protocol `follows` (a communicate's protocol field) between two agents, in either role."""
         ends = {one, other}
         for use in self.file.protocol:
             if use.follows == follows and {use.initiator, use.participant} == ends:
@@ -230,7 +230,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         return tuple(entry for name in names for entry in _look_up("interface", name, self.interfaces).entries)
 
     def side(self, agent: str) -> Side:
-        """Return the interface of an agent: what it sends and receives."""
+        """The interface of an agent: what it sends and receives."""
         out = [rule for rule in self.rules.values() if rule.sender == agent]
         into = [rule for rule in self.rules.values() if rule.receiver == agent]
         return Side(

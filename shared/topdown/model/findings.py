@@ -64,8 +64,7 @@ class Kind(StrEnum):
     NO_TALK = "protocol without a state"
     WAITS = "agents that wait for each other"
     PARAMETER = "parameter that cannot be"
-    # statements and recordings
-    CLAIM = "statements disagree"
+    # recordings
     TOO_LARGE = "size budget exceeded"
     TOO_LATE = "latency budget exceeded"
     NO_CHANNEL = "traffic without a channel"
@@ -77,7 +76,7 @@ class Kind(StrEnum):
 class Finding(msgspec.Struct, frozen=True):
     """Something inconsistent. `at`: the entry's path in the file; `line`: where that is, None: not known."""
 
-    kind: Kind
+    kind: StrEnum
     where: str
     wrong: str
     right: str

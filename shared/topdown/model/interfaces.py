@@ -23,7 +23,7 @@ def class_named(languages: Languages, name: str) -> type:
 
 
 def interface(design: Design, languages: Languages, use: str) -> ClassInterfaceInfo:
-    """Return the questions of a use of a protocol: [(performative, name, [argument classes], answer class)].
+    """The questions of a use of a protocol: [(performative, name, [argument classes], answer class)].
 
     Raises DesignError for an entry with a class that its language does not have.
     """

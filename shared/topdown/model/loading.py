@@ -34,7 +34,7 @@ def load(path: Path) -> elements.DesignFile:
 
 
 def text_of(path: Path) -> str:
-    """Return what is written in a file, without a byte order mark. Raise DesignError where it is not UTF-8."""
+    """What is written in a file, without a byte order mark. Raises DesignError where it is not UTF-8."""
     data = path.read_bytes().removeprefix(BOM_UTF8)
     try:
         return data.decode()
@@ -50,13 +50,9 @@ def read(text: str, name: str = "design.toml") -> elements.DesignFile:
     except msgspec.ValidationError as error:  # a ValueError, too
         raise _not_fitting(error, text, name) from error
     except (ValueError, RecursionError) as error:  # of tomllib: its own, numbers too long, nesting too deep
-        raise _not_toml(error, text, name) from error
-
-
-def _not_toml(error: Exception, text: str, name: str) -> DesignError:
-    found = _TOML_LINE.search(str(error))
-    line = int(found.group(1)) if found else len(text.splitlines())
-    return DesignError(name, line, "(file)", str(error), _TOML)
+        found = _TOML_LINE.search(str(error))
+        line = int(found.group(1)) if found else len(text.splitlines())
+        raise DesignError(name, line, "(file)", str(error), _TOML) from error
 
 
 def _not_fitting(error: msgspec.ValidationError, text: str, name: str) -> DesignError:
@@ -77,7 +73,7 @@ def parts(path: str) -> Path_:
 
 
 def _right(path: Path_, wrong: str) -> str:
-    """Return in words what the entry at `path` may hold."""
+    """In words what the entry at `path` may hold."""
     kind: Any = elements.DesignFile
     for part in path:
         kind = _step(kind, part)

@@ -116,7 +116,14 @@ class Machine:
         self.agent = agent
         self.entry = design.agent(agent)
         self.uses = {
-            use.name: _side(use, agent, design.tables[use.follows])
+            use.name: Use(
+                name=use.name,
+                peer=use.participant if agent == use.initiator else use.initiator,
+                role=Role.INITIATOR if agent == use.initiator else Role.PARTICIPANT,
+                protocol=design.tables[use.follows],
+                durable=use.durable,
+                latest=use.latest,
+            )
             for use in design.file.protocol
             if agent in (use.initiator, use.participant) and use.follows in design.tables
         }
@@ -163,18 +170,6 @@ class Machine:
 def machines(design: Design) -> dict[str, Machine]:
     """The machine of every agent, by name."""
     return {name: Machine(design, name) for name in design.agents}
-
-
-def _side(use: elements.Protocol, agent: str, protocol: Protocol) -> Use:
-    initiates = agent == use.initiator
-    return Use(
-        name=use.name,
-        peer=use.participant if initiates else use.initiator,
-        role=Role.INITIATOR if initiates else Role.PARTICIPANT,
-        protocol=protocol,
-        durable=use.durable,
-        latest=use.latest,
-    )
 
 
 _CAUSE = re.compile(r"(late|back|own|person) (\S+)|restart")

@@ -39,14 +39,14 @@ class Parameters:
         return self.entries[name]
 
     def fitted(self, name: str, value: Value) -> Value:
-        """Return a value in the parameter's type. Raises ParameterError where it does not fit."""
+        """A value in the parameter's type. Raises ParameterError where it does not fit."""
         entry = self.entry(name)
         if not _typed(entry.type, value) or not _within(entry, value):
             raise ParameterError(self.agent, name, value, allowed(entry))
         return float(value) if entry.type is ParameterType.NUMBER else value
 
     def read(self, name: str, text: str) -> Value:
-        """Return the value that a person typed. Raises ParameterError where it does not fit."""
+        """The value that a person typed. Raises ParameterError where it does not fit."""
         entry = self.entry(name)
         try:
             return self.fitted(name, _parsed(entry.type, text))

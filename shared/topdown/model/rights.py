@@ -62,7 +62,7 @@ class Family(msgspec.Struct, frozen=True, order=True):
 
 
 def identities(design: Design) -> tuple[str, ...]:
-    """Return agents and groups that speak, other readers and writers, and the router: each has its own certificate."""
+    """Agents and groups that speak, other readers and writers, and the router: each has its own certificate."""
     others = [name for signal in design.signals.values() for name in (*signal.writers, *signal.readers)]
     return tuple(dict.fromkeys([*_speakers(design), *design.file.system.recorders, *others, ROUTER]))
 
@@ -83,7 +83,7 @@ def families(design: Design, system: str) -> tuple[Family, ...]:
 
 
 def _speakers(design: Design) -> tuple[str, ...]:
-    """Return the agents, and the groups that say or hear a communicate."""
+    """The agents, and the groups that say or hear a communicate."""
     ends = sorted(name for rule in design.rules.values() for name in (rule.sender, rule.receiver))
     return tuple(dict.fromkeys((*design.agents, *ends)))
 
@@ -150,7 +150,7 @@ def links_control(design: Design, system: str, agent: str, names: dict[str, str]
 
 
 def _control(rules: dict[str, list[dict[str, Any]]]) -> dict[str, Any]:
-    """Return the configuration of these rules, by the common name that they are for."""
+    """The configuration of these rules, by the common name that they are for."""
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -198,11 +198,6 @@ def _rules(
     yield from _rule(f"{name} looks", "ingress", watching, ears[Action.WATCH])
 
 
-def _all_of(design: Design, system: str) -> str:
-    """Every key of a system."""
-    return design.file.system.key.split("{channel}")[0].format(system=system) + "**"
-
-
 def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> Iterator[dict[str, Any]]:
     """Yield a rule; none without keys, since Zenoh refuses an empty one."""
     if keys:
@@ -215,7 +210,8 @@ def _ears(design: Design, system: str, identity: str) -> dict[Action, list[str]]
     if identity in _speakers(design):
         ears[Action.SUBSCRIBE].append(design.keys_to(system, identity))
     if identity in design.file.system.recorders:
-        ears[Action.SUBSCRIBE].append(_all_of(design, system))
+        whole = design.file.system.key.split("{channel}")[0].format(system=system)
+        ears[Action.SUBSCRIBE].append(f"{whole}**")
     for signal in design.signals.values():
         if identity in signal.readers:
             peer = identity if identity in design.agents else "*"
@@ -239,7 +235,7 @@ def _is_token(signal: Signal) -> bool:
 
 
 def _hearers(design: Design, family: Family) -> tuple[str, ...]:
-    """Return the identities that may hear it: what goes by a link its receiver; of a communicate that goes by the
+    """The identities that may hear it: what goes by a link its receiver; of a communicate that goes by the
     router the receiver and the recorders, else the readers.
     """
     if not routed(design, family):

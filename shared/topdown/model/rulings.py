@@ -37,7 +37,7 @@ def _walk(entry: object, where: str, at: Path_) -> Iterator[tuple[str, str, Path
 
 
 def _name(entry: object, index: int) -> str:
-    """Return the name of a list's entry; of a message, sender and act; else its number."""
+    """The name of a list's entry; of a message, sender and act; else its number."""
     names = [str(getattr(entry, field)) for field in _NAMES if hasattr(entry, field)]
     if hasattr(entry, "performative") and hasattr(entry, "sender"):
         names = [f"{entry.sender} {entry.performative}"]

@@ -25,7 +25,7 @@ SAYS, CHOOSES = "own says", "person there"
 
 
 def groups(design: Design) -> tuple[str, ...]:
-    """Return the groups at ends of uses of protocols. Raises DesignError for an end that is not a group either."""
+    """The groups at ends of uses of protocols. Raises DesignError for an end that is not a group either."""
     known = {group.name for group in design.file.group}
     ends = dict.fromkeys(end for use in design.file.protocol for end in (use.initiator, use.participant))
     found = tuple(end for end in ends if end not in design.agents)
@@ -44,7 +44,7 @@ def groups(design: Design) -> tuple[str, ...]:
 
 
 def composed(design: Design) -> Design:
-    """Return the design with an agent for each of its groups; the same one where none is at an end of a use."""
+    """The design with an agent for each of its groups; the same one where none is at an end of a use."""
     names = groups(design)
     if not names:
         return design
@@ -88,7 +88,7 @@ class _End:
             yield elements.Row(in_=(ANYTHING,), on=f"late {self.use.name}")
 
     def openings(self) -> tuple[Said, ...]:
-        """Return the words that begin a conversation."""
+        """The words that begin a conversation."""
         return tuple(self._word(row) for row in self.table.allowed(START, SEND) if self._may_say(row))
 
     def _taken(self) -> Iterator[elements.Row]:

@@ -148,7 +148,7 @@ class _Streams:
                 yield Command(me, what, (here, *room, *guards), (to(me, row.to), *effects), fair)
 
     def _owed(self, role: Role, state: str, most: int = 2) -> int:
-        """Return the number of words that a role owes at once in a state, counting at most `most` of a chain."""
+        """The number of words that a role owes at once in a state, counting at most `most` of a chain."""
         table = self.pair.tables[role]
         if state not in table.urgent or not most:
             return 0
@@ -208,7 +208,7 @@ def durable_pair(
     bound: int = BOUND,
     eager: bool = False,
 ) -> Net:
-    """Return the net of a protocol over two durable streams, with at most `faults` faults (None: any number).
+    """The net of a protocol over two durable streams, with at most `faults` faults (None: any number).
 
     `eager`: news (rows that stay in their state) may fill the outbox. Then two agents that take nothing while their
     outboxes are full can block each other: a sender of news must leave room for the answers it owes.

@@ -273,9 +273,8 @@ class _Walk:
         wanted = set(way)
         states = {n: state for n, state in enumerate(self.numbers) if n in wanted}
         way.reverse()
-        steps = [self._step(states[one], states[other]) for one, other in pairwise(way)]
+        steps = []
+        for one, other in pairwise(way):
+            who, what, *_ = next(move for move in self.model.moves(states[one]) if move[2] == states[other])
+            steps.append(Step(who, what, self.model.describe(states[other])))
         return Finding(kind, text, tuple(steps), self.model.describe(self.model.start))
-
-    def _step(self, here: State, there: State) -> Step:
-        who, what, *_ = next(move for move in self.model.moves(here) if move[2] == there)
-        return Step(who, what, self.model.describe(there))

@@ -80,14 +80,24 @@ class Fleet:
         """All that can happen; a group says nothing while a queue of its is full, as the runtime does."""
         if not self.groups:
             return self._moves(state)
-        return (move for move in self._moves(state) if move[0] not in self.groups or not _overfull(move[2]))
+        return (
+            move
+            for move in self._moves(state)
+            if move[0] not in self.groups or not (isinstance(move[2][0], str) and move[2][0].startswith(OVERFULL))
+        )
 
     def _moves(self, state: Flat) -> Iterator[Found]:
-        faulty, parts = state[-1] != 0, self.parts
+        faulty, parts, gone = state[-1] != 0, self.parts, self.faults.gone
         for number, name in enumerate(self.names):
             for ready in parts.unasked(number, state[number], OWN):
-                if self._may(ready, state, faulty):
-                    yield self._move(name, state, number, ready)
+                # Waits are over as faults; or, with an agent that dies for good, once it has.
+                if ready.late and not (self._is_gone(state) if gone else faulty):
+                    continue
+                there = self._after(list(state), state, number, ready)
+                if ready.late and gone:
+                    yield name, ready.label, there, True, False
+                else:
+                    yield name, ready.label, self._less(there) if ready.fault else there, ready.fair, ready.fault
         for slot, number in self.inbound:
             if state[slot]:
                 yield from self._from_queue(state, slot, number)
@@ -95,8 +105,10 @@ class Fleet:
             yield from self._from_net(state, soft, faulty)
         if faulty:
             yield from self._deaths(state)
-        if self.faults.gone:
-            yield from self._for_good(state, parts.place[self.faults.gone])
+        if gone and not self._is_gone(state):
+            number = parts.place[gone]
+            (ready,) = parts.unasked(number, state[number], GONE)
+            yield gone, "dies for good", self._after(list(state), state, number, ready), False, True
 
     def at_rest(self, state: Flat) -> bool:
         """All idle, nothing on its way, subscriptions live, observations known; with `gone`: all who wait are."""
@@ -105,7 +117,7 @@ class Fleet:
         return self._all_rest(state)
 
     def wrong(self, state: Flat) -> str:
-        """Return the fault of a state: an event that no row covers."""
+        """The fault of a state: an event that no row covers."""
         if isinstance(state[0], str):
             return state[0]
         for slot, number in self.inbound:
@@ -130,21 +142,9 @@ class Fleet:
 
     # --- moves --------------------------------------------------------------------------------------------------------
 
-    def _may(self, ready: Ready, state: Flat, faulty: bool) -> bool:
-        """Waits are over as faults; or, with an agent that dies for good, once it has."""
-        if not ready.late:
-            return True
-        return self._is_gone(state) if self.faults.gone else faulty
-
     def _is_gone(self, state: Flat) -> bool:
         number = self.parts.place[self.faults.gone]
         return self.parts.local(number, state[number]).state == GONE
-
-    def _move(self, name: str, state: Flat, number: int, ready: Ready) -> Found:
-        if ready.late and self.faults.gone:
-            return name, ready.label, self._after(list(state), state, number, ready), True, False
-        there = self._after(list(state), state, number, ready)
-        return name, ready.label, self._less(there) if ready.fault else there, ready.fair, ready.fault
 
     def _from_queue(self, state: Flat, slot: int, number: int) -> Iterator[Found]:
         words = self.parts.queues.values[state[slot]]
@@ -181,13 +181,6 @@ class Fleet:
                     there = (*told, *there[self.count :])
                 if there != state:
                     yield name, ready.label, self._less(there), False, True
-
-    def _for_good(self, state: Flat, number: int) -> Iterator[Found]:
-        """An agent dies and does not come back."""
-        if not self._is_gone(state):
-            (ready,) = self.parts.unasked(number, state[number], GONE)
-            there = self._after(list(state), state, number, ready)
-            yield self.names[number], "dies for good", there, False, True
 
     def _less(self, state: Flat) -> Flat:
         """One fault less may come."""
@@ -227,26 +220,20 @@ class Fleet:
 
     def unused(self) -> tuple[str, ...]:
         """Rows that no path took: nobody needs them, or one needs more faults, or their guards are wrong."""
-        return tuple(
-            f"row never used: {name} {number} (in {'|'.join(row.in_)} on {row.on})"
-            for name, agent in zip(self.names, self.parts.agents, strict=True)
-            if name not in self.groups
-            for number, row in enumerate(agent.machine.entry.row, start=1)
-            if not row.several and (name, number) not in self.used and not self._is_about_silence(agent, number)
-        )
+        found = []
+        for name, agent in zip(self.names, self.parts.agents, strict=True):
+            # what takes a silent word is not needed either
+            silent = {Event(Cause.TAKE, *said) for said in self.parts.silent}
+            quiet = {row.number for row in agent.machine.rows if row.event in silent}
+            for number, row in enumerate(agent.machine.entry.row if name not in self.groups else (), start=1):
+                if not row.several and number not in quiet and (name, number) not in self.used:
+                    found.append(f"row never used: {name} {number} (in {'|'.join(row.in_)} on {row.on})")
+        return tuple(found)
 
     def endless(self) -> tuple[str, ...]:
-        """Return the words that may fill a queue and are not in the model; of how many wait nothing is proven."""
+        """The words that may fill a queue and are not in the model; of how many wait nothing is proven."""
         machines = [agent.machine for agent in self.parts.agents if agent.machine.agent not in self.groups]
         return tuple(dict.fromkeys(told for one in machines for told in endless(one, self.parts.silent)))
-
-    def _is_about_silence(self, agent: Agent, number: int) -> bool:
-        events = {row.event for row in agent.machine.rows if row.number == number}
-        return any(Event(Cause.TAKE, *said) in events for said in self.parts.silent)
-
-
-def _overfull(state: Flat) -> bool:
-    return isinstance(state[0], str) and state[0].startswith(OVERFULL)
 
 
 def _told(agent: Agent, local: Local) -> str:

@@ -110,7 +110,11 @@ class Agent:
         use = self.machine.uses[said.use]
         talk, table = self.talk(local, said.use), use.protocol.tables[use.role]
         if not talk and said.act is Performative.CANCEL and use.role is Role.PARTICIPANT:
-            return self._late_cancel(local, use, said)
+            if table.find(START, RECEIVE, said.act, said.kind) is None:
+                return f"{self.machine.agent} knows no conversation of {said.use} and got {said}"
+            # the runtime answers a cancel of what has ended as the table says
+            effects = tuple(Effect("say", use.name, answer) for answer in self.late_answers(use.name))
+            return (Outcome(local, effects, f"{said} <- {use.peer}, too late", 0),)
         named = self.machine.by_event.get((local.state, Event(Cause.TAKE, *said)), ())
         rows = [row for row in named if not row.several]
         if not rows:
@@ -126,15 +130,8 @@ class Agent:
             return f"no row of {self.machine.agent} in {local.state} applies to {said}; its conversations: {state}"
         return outcomes
 
-    def _late_cancel(self, local: Local, use: Use, said: Said) -> "tuple[Outcome, ...] | str":
-        """The runtime answers a cancel of what has ended as the table says."""
-        if use.protocol.tables[use.role].find(START, RECEIVE, said.act, said.kind) is None:
-            return f"{self.machine.agent} knows no conversation of {said.use} and got {said}"
-        effects = tuple(Effect("say", use.name, answer) for answer in self.late_answers(use.name))
-        return (Outcome(local, effects, f"{said} <- {use.peer}, too late", 0),)
-
     def late_answers(self, name: str) -> tuple[Said, ...]:
-        """Return the runtime's answer to a cancel that is not open: one word or, where the table owes none, nothing."""
+        """The runtime's answer to a cancel that is not open: one word or, where the table owes none, nothing."""
         use = self.machine.uses[name]
         table = use.protocol.tables[use.role]
         taken = table.find(START, RECEIVE, Performative.CANCEL)
@@ -142,29 +139,23 @@ class Agent:
         return tuple(Said(name, row.performative, row.kind) for row in owed[:1])
 
     def _spontaneous(self, local: Local) -> tuple[tuple[Outcome, Event], ...]:
-        """Return the events without a message, except restarts: own, person, back (with news of that peer), late."""
+        """The events without a message, except restarts: own, person, back (with news of that peer), late."""
         found: list[tuple[Outcome, Event]] = []
         for row in self.machine.spontaneous.get(local.state, ()):
             event = row.event
             if row.several or event.cause is Cause.RESTART or not self._happens(local, event):
                 continue
-            found += [(outcome, event) for outcome in self._happened(local, event, row)]
-        answered = {event.name for _, event in found if event.cause is Cause.BACK}
-        return (*found, *(self._unheeded(local, peer) for peer in sorted(local.news - answered)))
-
-    def _unheeded(self, local: Local, peer: str) -> tuple[Outcome, Event]:
-        """News are told once: where no row answers them, they change nothing."""
-        after = local._replace(news=local.news - {peer})
-        return Outcome(after, (), f"news of {peer} is dropped", 0), Event(Cause.BACK, peer)
-
-    def _happened(self, local: Local, event: Event, row: Row) -> Iterator[Outcome]:
-        """Return outcomes of an event without a message; a volatile conversation whose wait is over is given up."""
-        gives_up = event.cause is Cause.LATE and not self.machine.uses[event.name].durable
-        after = local._replace(news=local.news - {event.name}) if event.cause is Cause.BACK else local
-        after = self.with_talk(after, event.name, "") if gives_up else after
-        for outcome in self._apply(after, [row]):
+            gives_up = event.cause is Cause.LATE and not self.machine.uses[event.name].durable
+            after = local._replace(news=local.news - {event.name}) if event.cause is Cause.BACK else local
+            after = self.with_talk(after, event.name, "") if gives_up else after
             closed = (Effect("close", event.name),) if gives_up else ()
-            yield outcome._replace(effects=(*closed, *outcome.effects))
+            for outcome in self._apply(after, [row]):
+                found.append((outcome._replace(effects=(*closed, *outcome.effects)), event))
+        answered = {event.name for _, event in found if event.cause is Cause.BACK}
+        for peer in sorted(local.news - answered):  # news are told once: where no row answers them, they change nothing
+            after = local._replace(news=local.news - {peer})
+            found.append((Outcome(after, (), f"news of {peer} is dropped", 0), Event(Cause.BACK, peer)))
+        return tuple(found)
 
     def _happens(self, local: Local, event: Event) -> bool:
         if event.cause is Cause.BACK:
@@ -272,15 +263,10 @@ class Agent:
 
     def label(self, row: Row) -> str:
         """A row in words, as drawings of traces show it."""
-        return f"{self._event_words(row.event)}{_and(', '.join(self._words(one) for one in row.say))}"
-
-    def _event_words(self, event: Event) -> str:
-        if event.cause is Cause.TAKE:
-            return f"{event} <- {self.machine.uses[event.name].peer}"
-        return str(event) if event.cause is not Cause.OWN else event.name.replace("_", " ")
-
-    def _words(self, said: Said) -> str:
-        return f"{said} -> {self.machine.uses[said.use].peer}"
+        event, uses = row.event, self.machine.uses
+        told = event.name.replace("_", " ") if event.cause is Cause.OWN else str(event)
+        told += f" <- {uses[event.name].peer}" if event.cause is Cause.TAKE else ""
+        return told + _and(", ".join(f"{one} -> {uses[one.use].peer}" for one in row.say))
 
 
 def _and(words: str) -> str:

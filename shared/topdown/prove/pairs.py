@@ -4,18 +4,17 @@ A use is explored with the words that its agents say: those in their rows, or, w
 that the use lists. Nothing here knows a particular system.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from fipa_codec.performatives import Performative
-from fipa_codec.tables import SEND, START, Protocol, Role, Table
+from fipa_codec.tables import SEND, START, Protocol, Role
 from topdown.model import elements
 from topdown.model.design import Design
 from topdown.model.machines import Machine
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import Exploration, explore
-from topdown.prove.net import Command, Empty, Head, Net, Queue, Send, Take, Variable, Wrong, is_
-from topdown.prove.net_model import NetModel
+from topdown.prove.net import Command, Empty, Head, Net, NetModel, Queue, Send, Take, Variable, Wrong, is_
 from topdown.prove.roles import WRONG, Pair, Players, reachable, restricted, to
 from topdown.prove.volatile import volatile_pair
 
@@ -81,26 +80,6 @@ class PairResult(NamedTuple):
     def holds(self) -> bool:
         """Nothing was found, nothing is open, every state was reached."""
         return self.exploration.holds and not self.unreached
-
-
-def verify_pairs(
-    design: Design,
-    channels: Collection[str] | None = None,
-    faults: int | None = 1,
-    *,
-    seconds: float | None = None,
-    most_states: int | None = None,
-) -> tuple[PairResult, ...]:
-    """Explore each use of a protocol on these channels (None: all), under at most `faults` faults (None: any number).
-
-    `seconds` and `most_states` limit each pair. Uses that follow an unknown protocol are left out: checks name them.
-    """
-    uses = [use for use in design.file.protocol if channels is None or use.channel in channels]
-    return tuple(
-        explore_use(design, use.name, faults, seconds=seconds, most_states=most_states)
-        for use in uses
-        if use.follows in design.tables
-    )
 
 
 def explore_use(
@@ -174,9 +153,7 @@ def _of_rows(protocol: Protocol, role: Role) -> frozenset[str]:
     """States that rows alone lead to: what an opening asked again leads to is the delivery's business."""
     old = protocol.tables[role]
     again = [row for row in old if row.performative in protocol.openings and row.state != START]
-    rows = [row for row in old if row not in again]
-    states = {state for row in rows for state in (row.state, row.to)}
-    return reachable(Table(rows, ended=old.ended & states)).states
+    return reachable(old.only(row for row in old if row not in again)).states
 
 
 def changed_channels(design: Design, step: int) -> tuple[str, ...]:

@@ -139,7 +139,7 @@ def silent_words(machines: Iterable[Machine], forbidden: frozenset[Said] = froze
 
 
 def endless(machine: Machine, silent: Collection[Said]) -> Iterator[str]:
-    """Return in words what an agent says over and over in durable uses, taking nothing in between, though the model
+    """In words what an agent says over and over in durable uses, taking nothing in between, though the model
     leaves it out: words that are silent, and those under `may`.
     """
     for row in _free_loops(machine):
@@ -185,26 +185,19 @@ def _is_silent(machine: Machine, said: Said, silent: set[Said]) -> bool:
     event = Event(Cause.TAKE, *said)
     rows = [row for row in machine.rows if row.event == event and not row.several]
     use = machine.uses[said.use]
+    table = use.protocol.tables[use.role]
+    taken = [row for row in table if row.way is RECEIVE and (row.performative, row.kind) == (said.act, said.kind)]
     return (
         bool(rows)
-        and all(_changes_nothing(row, silent) for row in rows)
-        and _loops(use.protocol.tables[use.role], said, silent)
+        and not any(row.to or row.owes or row.waits or row.drop or row.moves for row in rows)
+        and all(one in silent for row in rows for one in row.say)
+        # every row of the table that takes it comes back to its state, over silent words that it owes
+        and all(row.state == _settled(table, str(row.to), said.use, silent) for row in taken)
     )
 
 
-def _changes_nothing(row: Row, silent: set[Said]) -> bool:
-    stays = not row.to and not row.owes and not row.waits and not row.drop and not row.moves
-    return stays and all(said in silent for said in row.say)
-
-
-def _loops(table: Table, said: Said, silent: set[Said]) -> bool:
-    """Every row of the table that takes it comes back to its state, over silent words that it owes."""
-    rows = [row for row in table if row.way is RECEIVE and (row.performative, row.kind) == (said.act, said.kind)]
-    return all(row.state == _settled(table, str(row.to), said.use, silent) for row in rows)
-
-
 def _settled(table: Table, state: str, use: str, silent: set[Said]) -> str:
-    """Return the state that the words owed in a state lead to, if all of them are silent."""
+    """The state that the words owed in a state lead to, if all of them are silent."""
     seen = set()
     while state in table.urgent and state not in seen:
         seen.add(state)
@@ -335,7 +328,7 @@ class Parts:
         return value
 
     def net(self, net: int) -> Net:
-        """Return the net of a volatile use: the words on their way."""
+        """The net of a volatile use: the words on their way."""
         value: Net = self.nets.values[net]
         return value
 
@@ -382,7 +375,7 @@ class Parts:
         return found
 
     def net_after(self, net: int, kind: int, said: Said | None) -> int:
-        """Return the net of a volatile use after an effect."""
+        """The net of a volatile use after an effect."""
         key = (net, kind, said)
         found = self._nets.get(key)
         if found is None:
@@ -467,7 +460,7 @@ _NET: dict[int, Any] = {
 
 
 def _pairs(agents: list[Agent]) -> set[tuple[str, str]]:
-    """Return the pairs (sender, receiver) that have a durable stream."""
+    """The pairs (sender, receiver) that have a durable stream."""
     return {
         pair
         for agent in agents

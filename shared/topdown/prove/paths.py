@@ -12,7 +12,7 @@ from fipa_codec.tables import Role
 from topdown.judge.steps import Done, Steps
 from topdown.model.design import Design
 from topdown.model.errors import NoSuchEntry
-from topdown.model.machines import Cause, Event, Row, Said
+from topdown.model.machines import Cause, Event, Said
 from topdown.prove.fleet import ANY, Faults, Flat, Fleet
 from topdown.prove.local import DIES
 
@@ -58,7 +58,10 @@ class Follower:
             found = self._after(agent, deed) or self._unasked(agent, deed)
             if not found:
                 here = self.fleet.describe(min(self.states))
-                return Deviation(self.count, agent, _told(deed), here)
+                took = Event(Cause.TAKE, *deed.took) if deed.took else deed.event
+                said = ", ".join(str(Said(*one)) for one in deed.said) or "nothing"
+                told = f"in {deed.before} on {took} said {said}, then {deed.after}"
+                return Deviation(self.count, agent, told, here)
             self.states, self.most = found, max(self.most, len(found))
             self._note_aside(agent, deed)
         return None
@@ -71,7 +74,10 @@ class Follower:
 
     def _after(self, agent: str, deed: Done) -> set[Flat]:
         """All states the model may be in after the step, with as few moves in between as need be."""
-        labels = frozenset(self._labels(agent, deed))
+        label = self.fleet.parts.agents[self.fleet.parts.place[agent]].label
+        labels = {DIES} if deed.event.startswith("Started") else set()
+        for row in self.steps[agent].fitting(deed):
+            labels.add(f"{DIES}; {label(row)}" if row.event.cause is Cause.RESTART else label(row))
         seen = here = set(self.states)
         for _ in range(HIDDEN + 1):
             found = {there for state in here for there in self._answers(state, agent, deed, labels)}
@@ -85,7 +91,8 @@ class Follower:
         """Questions that a row may ask besides, or that were given up, are not in the model: answered once each."""
         steps = self.steps[agent]
         rows = steps.fitting(deed)
-        asked = [one[0] for one in deed.said if rows and all(_is_besides(row, Said(*one)) for row in rows)]
+        said = [Said(*one) for one in deed.said] if rows else []
+        asked = [one.use for one in said if all(one in row.may and one not in row.say for row in rows)]
         for use in (*asked, *{use for row in rows for use in row.drop}, *self._given_up(steps, deed)):
             if not steps.uses[use].durable:
                 self.aside[use, steps.uses[use].peer] += 1
@@ -105,12 +112,13 @@ class Follower:
             self.aside[use, self.steps[agent].uses[use].peer] += 1
         return set(self.states)
 
-    def _answers(self, state: Flat, agent: str, deed: Done, labels: frozenset[str]) -> Iterator[Flat]:
+    def _answers(self, state: Flat, agent: str, deed: Done, labels: set[str]) -> Iterator[Flat]:
         number = self.fleet.parts.place[agent]
         for who, what, there, _, _ in self.fleet.moves(state):
             if who != agent or isinstance(there[0], str):
                 continue
-            if self.fleet.parts.local(number, there[number]).state == deed.after and _plain(what) in labels:
+            plain = what.removesuffix(" (a copy)").removesuffix("; its receipt is lost")
+            if self.fleet.parts.local(number, there[number]).state == deed.after and plain in labels:
                 yield there
 
     def _hidden(self, state: Flat) -> Iterator[Flat]:
@@ -130,29 +138,3 @@ class Follower:
         if deed.took is None:
             return deed.event.startswith(("PeerChanged", "Started")) and deed.before == deed.after and not deed.said
         return self.steps[agent].uses[deed.took[0]].latest and not deed.said and deed.before == deed.after
-
-    def _labels(self, agent: str, deed: Done) -> Iterator[str]:
-        steps = self.steps[agent]
-        if deed.event.startswith("Started"):
-            yield DIES
-        for row in steps.fitting(deed):
-            words = self._words(agent, row)
-            yield f"{DIES}; {words}" if row.event.cause is Cause.RESTART else words
-
-    def _words(self, agent: str, row: Row) -> str:
-        return self.fleet.parts.agents[self.fleet.parts.place[agent]].label(row)
-
-
-def _is_besides(row: Row, said: Said) -> bool:
-    return said in row.may and said not in row.say
-
-
-def _plain(what: str) -> str:
-    """The label less what it says of the surroundings."""
-    return what.removesuffix(" (a copy)").removesuffix("; its receipt is lost")
-
-
-def _told(deed: Done) -> str:
-    took = Event(Cause.TAKE, *deed.took) if deed.took else deed.event
-    said = ", ".join(str(Said(*one)) for one in deed.said) or "nothing"
-    return f"in {deed.before} on {took} said {said}, then {deed.after}"

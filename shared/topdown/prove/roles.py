@@ -43,6 +43,10 @@ class Pair:
         """All that a role says, sorted."""
         return tuple(sorted({row.word for row in self.tables[role] if row.way is SEND}))
 
+    def spoken(self, role: Role) -> tuple[Row, ...]:
+        """One row of each word that a role says."""
+        return tuple({row.word: row for row in self.tables[role] if row.way is SEND}.values())
+
     def over(self, role: Role) -> frozenset[str]:
         """States in which a role has no conversation: not begun, or ended and forgotten."""
         return frozenset({START, *map(str, self.tables[role].ended)})
@@ -78,7 +82,7 @@ class Pair:
         be taken by the rows of the ended state and, an act without answer apart, by those of an unknown conversation.
         """
         table, over = self.tables[role], self.over(role)
-        for row in _once(row for row in self.tables[role.other] if row.way is SEND):
+        for row in self.spoken(role.other):
             for state in sorted(table.states - table.urgent):
                 here = table.find(state, RECEIVE, row.performative, row.kind)
                 unknown = table.find(START, RECEIVE, row.performative, row.kind)
@@ -91,7 +95,7 @@ class Pair:
                     yield str(state), row.word, True
 
     def wrong_words(self, role: Role, state: str, word: str, forgotten: bool) -> str:
-        """Return in words the row that is missing."""
+        """In words the row that is missing."""
         where = f"in state {state}, its conversation forgotten," if forgotten else f"in state {state}"
         return f"{self.players.named(role)} {where} has no row for {word}"
 
@@ -105,26 +109,20 @@ class Pair:
         return over, tuple(is_(self.players.named(role), *resting[role]) for role in roles)
 
 
-def _once(rows: Iterator[Row]) -> Iterator[Row]:
-    """The first row of each word."""
-    return iter({row.word: row for row in rows}.values())
-
-
 def to(variable: str, value: object) -> Effect:
     """The effect, shorter to write."""
     return Set(variable, str(value))
 
 
 def reachable(table: Table) -> Table:
-    """Return the rows that a walk from the start reaches, whatever the peer does."""
+    """The rows that a walk from the start reaches, whatever the peer does."""
     known, waiting = {START}, [START]
     while waiting:
         state = waiting.pop()
         found = {str(row.to) for row in table if row.state == state} - known
         known |= found
         waiting += found
-    rows = [row for row in table if row.state in known]
-    return Table(rows, ended=table.ended & known, urgent=table.urgent & known, resting=table.resting & known)
+    return table.only(row for row in table if row.state in known)
 
 
 def restricted(protocol: Protocol, says: Mapping[Role, Collection[str]]) -> Protocol:
@@ -138,9 +136,6 @@ def restricted(protocol: Protocol, says: Mapping[Role, Collection[str]]) -> Prot
 
     def table(role: Role) -> Table:
         old = protocol.tables[role]
-        rows = [row for row in old if kept(row, role if row.way is SEND else role.other)]
-        states = {state for row in rows for state in (row.state, row.to)}
-        whole = Table(rows, ended=old.ended & states, urgent=old.urgent & states, resting=old.resting & states)
-        return reachable(whole)
+        return reachable(old.only(row for row in old if kept(row, role if row.way is SEND else role.other)))
 
     return protocol.with_tables(initiator=table(Role.INITIATOR), participant=table(Role.PARTICIPANT))

@@ -146,7 +146,7 @@ class Soft:
     # --- by itself ----------------------------------------------------------------------------------------------------
 
     def by_itself(self, ends: Ends) -> Iterator[Turn]:
-        """Return what is said again when nothing of it is on the way."""
+        """What is said again when nothing of it is on the way."""
         net, names = self.parts.net(ends.net), self.parts.names
         asked = self.asks.get(self.parts.talk(self.asker, ends.asker, self.use))
         served = self.parts.talk(self.server, ends.server, self.use)
@@ -166,7 +166,7 @@ class Soft:
 
 
 def _repeated(use: str, asker: Table) -> dict[str, Said]:
-    """Return what is repeated in each state: the newest word of the initiator until something is taken, or its
+    """What is repeated in each state: the newest word of the initiator until something is taken, or its
     cancel, which crossing messages do not answer, until the conversation has ended.
     """
     found = {str(row.to): row for row in asker if row.way is SEND and row.to not in asker.ended}

@@ -78,8 +78,13 @@ class Stream:
         yield from self._sender(state)
         yield from self._receiver(state)
         yield from self._wire(state)
-        yield Move(SENDER, "dies and is restored", self._sender_restored(state), fault=True)
-        yield Move(RECEIVER, "dies and is restored", self._receiver_restored(state), fault=True)
+        low = state.kept if self.variant is Variant.OUTBOX_IN_RAM else state.kept_low
+        counter = 0 if self.variant is Variant.COUNTER_IN_RAM else state.kept
+        restored = state._replace(phase=Phase.IDLE, issued=state.kept, low=low, counter=counter)
+        yield Move(SENDER, "dies and is restored", restored, fault=True)
+        last = 0 if self.variant is Variant.LAST_IN_RAM else state.mark
+        restored = state._replace(taking=Phase.IDLE, now=0, last=last)
+        yield Move(RECEIVER, "dies and is restored", restored, fault=True)
 
     def at_rest(self, state: Place) -> bool:
         """All issued, taken and receipted, nothing on the way."""
@@ -145,11 +150,6 @@ class Stream:
         copies = copies if self.fifo else tuple(sorted(copies))
         return Move(SENDER, f"{verb} {number} -> {RECEIVER}", state._replace(phase=phase, copies=copies))
 
-    def _sender_restored(self, state: Place) -> Place:
-        low = state.kept if self.variant is Variant.OUTBOX_IN_RAM else state.kept_low
-        counter = 0 if self.variant is Variant.COUNTER_IN_RAM else state.kept
-        return state._replace(phase=Phase.IDLE, issued=state.kept, low=low, counter=counter)
-
     # --- the receiver -------------------------------------------------------------------------------------------------
 
     def _receiver(self, state: Place) -> Iterator[Move]:
@@ -196,10 +196,6 @@ class Stream:
         return Move(
             RECEIVER, f"receipt {state.last} -> {SENDER}", state._replace(taking=after, receipts=receipts), True
         )
-
-    def _receiver_restored(self, state: Place) -> Place:
-        last = 0 if self.variant is Variant.LAST_IN_RAM else state.mark
-        return state._replace(taking=Phase.IDLE, now=0, last=last)
 
     # --- the wire -----------------------------------------------------------------------------------------------------
 

@@ -81,7 +81,10 @@ class Act:
     def moves(self, state: Place) -> Iterator[Move]:
         """Of agent and loop, then the deaths of each."""
         yield from self._agent(state)
-        yield from self._loop(state)
+        if state.slot is Phase.WANTED:
+            yield Move(LOOP, "begins the act", state._replace(slot=Phase.RUNS, begun=state.begun + 1))
+        elif state.slot is Phase.RUNS:
+            yield Move(LOOP, "ends the act", state._replace(slot=Phase.DONE, ended=True))
         yield Move(AGENT, "dies and comes back", self._restored(state), fault=True)
         if state.slot is not Phase.EMPTY:
             yield Move(LOOP, "dies and comes back", state._replace(slot=Phase.EMPTY), fault=True)
@@ -104,28 +107,21 @@ class Act:
     def _agent(self, state: Place) -> Iterator[Move]:
         match state.agent:
             case At.IDLE if self.variant is Variant.MOVES_FIRST:
-                yield Move(AGENT, "takes the request; act -> loop", self._commanded(state, At.COMMANDED))
+                yield Move(
+                    AGENT, "takes the request; act -> loop", state._replace(agent=At.COMMANDED, slot=Phase.WANTED)
+                )
             case At.IDLE:
                 yield Move(AGENT, "takes the request, records the intent", _recorded(state, At.INTENDS, INTENT))
             case At.COMMANDED:
                 yield Move(AGENT, "records the intent", _recorded(state, At.WAITS, INTENT))
             case At.INTENDS:
-                yield Move(AGENT, "act -> loop", self._commanded(state, At.WAITS))
+                yield Move(AGENT, "act -> loop", state._replace(agent=At.WAITS, slot=Phase.WANTED))
             case At.WAITS if state.slot is Phase.DONE:
                 yield Move(AGENT, "done <- loop; records it", _recorded(state, At.KNOWS, DONE))
             case At.WAITS if state.slot is Phase.EMPTY:
                 yield Move(AGENT, "finds a new loop; records unknown", _recorded(state, At.KNOWS, UNKNOWN))
             case At.KNOWS:
                 yield Move(AGENT, f"reports {state.journal}", state._replace(agent=At.TOLD))
-
-    def _commanded(self, state: Place, then: At) -> Place:
-        return state._replace(agent=then, slot=Phase.WANTED)
-
-    def _loop(self, state: Place) -> Iterator[Move]:
-        if state.slot is Phase.WANTED:
-            yield Move(LOOP, "begins the act", state._replace(slot=Phase.RUNS, begun=state.begun + 1))
-        elif state.slot is Phase.RUNS:
-            yield Move(LOOP, "ends the act", state._replace(slot=Phase.DONE, ended=True))
 
     def _restored(self, state: Place) -> Place:
         """Moves of the agent after a death, by its journal and the slot."""
@@ -199,7 +195,7 @@ def tasks(
     seconds: float | None = None,
     skip_start: bool = False,
 ) -> Iterator[Task]:
-    """Return the proofs to run, in order. `step`: only channels which that step of the design created or changed (layer
+    """The proofs to run, in order. `step`: only channels which that step of the design created or changed (layer
     2). `gone`: agents that may die for good, besides. `seconds` of CPU time limit each. `skip_start`: the start of all
     agents is not explored by itself. Raises NoSuchEntry, IndexError, ValueError.
     """
@@ -260,7 +256,7 @@ def _open(found: Exploration) -> tuple[str, ...]:
 
 
 def waiting(design: Design, gone: str) -> tuple[str, ...]:
-    """Return all agents that must come to rest though `gone` never comes back: those that persons talk to, or, where
+    """All agents that must come to rest though `gone` never comes back: those that persons talk to, or, where
     persons talk to none, all the others. Raises NoSuchEntry; ValueError where persons talk to `gone` alone.
     """
     composed(design).agent(gone)

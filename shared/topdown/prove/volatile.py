@@ -114,36 +114,27 @@ class _Volatile:
         """All of them."""
         for role in Role:
             for row in self.pair.sends(role):
+                me, peer = self.pair.players.named(role), self.pair.players.named(role.other)
+                said = to(me, row.to), *self.said(role, row.word, row.to)
                 if role is Role.INITIATOR and row.state == START:
-                    yield self._opened(row)
+                    none, said = is_(me, *self.pair.over(role)), (*self.forgotten(), *said)
+                    yield Command(me, f"{row.word} -> {peer}", (none,), said, fair=False)
                 elif row.word in self.spoken(role):
-                    yield self._sent(role, row)
+                    yield Command(me, f"{row.word} -> {peer}", (is_(me, row.state),), said, fair=not row.free)
             yield from self._taken(role)
             yield from self._words_lost(role)
         yield from self._again()
         yield from self._deaths()
-        yield Command(self.initiator, "gives up: reply-by has passed", self._open(), self.forgotten(), False, True)
+        over = self.pair.over(Role.INITIATOR) | self.first.resting
+        waits = is_(self.initiator, *sorted(str(state) for state in self.first.states - over))
+        yield Command(self.initiator, "gives up: reply-by has passed", (waits,), self.forgotten(), False, True)
         if self.latest:
             yield from self._observations()
-
-    def _open(self) -> tuple[Guard, ...]:
-        over = self.pair.over(Role.INITIATOR) | self.first.resting
-        return (is_(self.initiator, *sorted(str(state) for state in self.first.states - over)),)
-
-    def _opened(self, row: Row) -> Command:
-        effects = (*self.forgotten(), to(self.initiator, row.to), *self.said(Role.INITIATOR, row.word, row.to))
-        guards = (is_(self.initiator, *self.pair.over(Role.INITIATOR)),)
-        return Command(self.initiator, f"{row.word} -> {self.participant}", guards, effects, fair=False)
-
-    def _sent(self, role: Role, row: Row) -> Command:
-        me, peer = self.pair.players.named(role), self.pair.players.named(role.other)
-        effects = to(me, row.to), *self.said(role, row.word, row.to)
-        return Command(me, f"{row.word} -> {peer}", (is_(me, row.state),), effects, fair=not row.free)
 
     def _taken(self, role: Role) -> Iterator[Command]:
         """Take what has a row; answer an opening again that is asked again; drop the rest."""
         me, peer, table = self.pair.players.named(role), self.pair.players.named(role.other), self.pair.tables[role]
-        for row in _words(self.pair, role.other):
+        for row in self.pair.spoken(role.other):
             if row.word not in self.spoken(role.other):
                 continue
             for state in sorted(table.states - table.urgent):
@@ -262,11 +253,6 @@ class _Volatile:
         return Net(name, tuple(self.variables()), (), tuple(self.commands()), tuple(rest), wrong, players)
 
 
-def _words(pair: Pair, role: Role) -> Iterator[Row]:
-    """One row for each word of a role."""
-    return iter({row.word: row for row in pair.tables[role] if row.way is SEND}.values())
-
-
 def volatile_pair(
     protocol: Protocol,
     players: Players | None = None,
@@ -275,7 +261,7 @@ def volatile_pair(
     latest: bool = False,
     rules: Rules | None = None,
 ) -> Net:
-    """Return the net of a protocol whose conversations are volatile (`latest`: with observations), and at most `faults`
+    """The net of a protocol whose conversations are volatile (`latest`: with observations), and at most `faults`
     faults (None: any number).
     """
     return _Volatile(Pair(protocol, players or Players()), latest, rules or Rules()).net().counted(faults)

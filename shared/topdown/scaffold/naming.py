@@ -60,14 +60,11 @@ def _package(name: str) -> None:
     _identifier("system", name)
     if name != name.lower():
         raise ScaffoldError("system", f"{name!r} is not a name of a package", f"write it small: {name.lower()!r}")
-    if name in IMPORTED or name in sys.stdlib_module_names or _installed(name):
-        raise ScaffoldError("system", f"{name!r} is an installed package", "choose a name that is free")
-
-
-def _installed(name: str) -> bool:
-    """Whether the name is a package from outside, and not the project itself, made before."""
+    # a package from outside, and not the project itself, made before
     known = importlib.util.find_spec(name)
-    return known is not None and known.origin is not None and "site-packages" in known.origin
+    installed = known is not None and known.origin is not None and "site-packages" in known.origin
+    if name in IMPORTED or name in sys.stdlib_module_names or installed:
+        raise ScaffoldError("system", f"{name!r} is an installed package", "choose a name that is free")
 
 
 def _identifier(where: str, name: str, *, keywords: bool = False) -> None:

@@ -1,162 +1,111 @@
-"""Files a project has once: the design and its reader, the process that runs all agents, compose entries, README."""
+"""Makes a project's files of a design, all or nothing: names are looked at before anything is written.
 
-from topdown.model.design import Design
-from topdown.scaffold.naming import docstring, sentence, wrapped
+The files are in templates/, as `string.Template` texts: PACKAGE, AGENT and LANGUAGE in a path stand for names of the
+design. What depends on the number of entries, or has to be wrapped as ruff's formatter does, is written here.
+"""
 
-
-def project_files(design: Design, design_text: str, package: str) -> dict[str, str]:
-    """Path -> text."""
-    return {
-        f"{package}/design.toml": design_text,
-        f"{package}/__init__.py": f"{docstring(_title(design))}\n",
-        f"{package}/py.typed": "",
-        f"{package}/design.py": _DESIGN.format(package=package),
-        f"{package}/__main__.py": _MAIN.format(package=package),
-        f"{package}/system.py": _system(design, package),
-        "pyproject.toml": _PYPROJECT.format(package=package),
-        "compose.yaml": _compose(design, package),
-        "README.md": _readme(design, package),
-        ".gitignore": "__pycache__/\nruns/\n",
-    }
-
-
-def _title(design: Design) -> str:
-    return f"{design.file.system.name}: {design.file.system.text or 'a system designed top-down'}."
-
-
-_DESIGN = '''"""The design, read once from design.toml; whatever follows from it is asked of here."""
-
+import textwrap
+from collections.abc import Iterator
 from pathlib import Path
+from string import Template
 
-from fipa_codec import protocols
-from topdown.model.design import Design, load
-from topdown.model.interfaces import interfaces
-
-from {package}.languages import LANGUAGES
-
-__all__ = ["DESIGN", "INTERFACES", "LANGUAGES"]
-
-DESIGN: Design = load(Path(__file__).with_name("design.toml"))
-for _table in DESIGN.own_tables.values():
-    protocols.register(_table)
-
-INTERFACES = interfaces(DESIGN, LANGUAGES)
-"""Queries of each use of a protocol, with Python's classes."""
-'''
-
-_PYPROJECT = """[project]
-name = "{package}"
-version = "0.1.0"
-requires-python = ">=3.11"
-dependencies = ["robot-companion"]
-
-[tool.roco]
-system = "{package}.system:SYSTEM"
-design = "{package}/design.toml"
-
-[tool.ruff]
-line-length = 120
-
-[tool.ruff.lint]
-select = ["E", "W", "F", "I", "B", "UP", "SIM", "C4"]
-
-[tool.pytest.ini_options]
-testpaths = ["tests"]
-pythonpath = ["."]
-addopts = "--import-mode=importlib"
-"""
-
-
-_MAIN = '''"""Router, monitor and agents as processes: `python -m {package}`; Ctrl-C ends them in order."""
-
-from operate.supervisor import project
-
-if __name__ == "__main__":
-    project.run("{package}.system:SYSTEM")
-'''
-
-
-def _system(design: Design, package: str) -> str:
-    names = wrapped("AGENTS = (", [f'"{agent}"' for agent in design.agents], ")")
-    return f'''"""The system as the tools see it (operate.system): `roco` in this folder is about it."""
-
-from operate.supervisor.processes import agents, around
-from operate.system import System
-
-from {package}.design import DESIGN, LANGUAGES
-
-{names}
-
-SYSTEM = System(
-    name="{package}",
-    design=DESIGN,
-    languages=LANGUAGES,
-    processes=(*around(), *agents("{package}", *AGENTS)),
+from topdown.model import elements, loading
+from topdown.model.design import Design
+from topdown.scaffold.naming import (
+    WIDTH,
+    ScaffoldError,
+    classes,
+    docstring,
+    imports,
+    module,
+    require_names,
+    sentence,
+    wrapped,
 )
-'''
+from topdown.scaffold.writing import Outcome, write
+
+KEY = "roco/{system}/{channel}/{sender}/{receiver}/{protocol}/{performative}"
+"""The key template that agent_runtime.core.wiring puts communicates on; a design that runs on it has this one."""
+_SMALLEST = Path(__file__).with_name("smallest.toml")
+_TEMPLATES = Path(__file__).with_name("templates")
+# The order of these lists is that of the project's manifest, so that a manifest written before stays the same.
+_ONCE = (
+    *(f"PACKAGE/{name}" for name in ("__init__.py", "py.typed", "design.py", "__main__.py", "system.py")),
+    *("pyproject.toml", "compose.yaml", "README.md", ".gitignore", "PACKAGE/languages/__init__.py"),
+)
+_OF_AGENT = tuple(f"PACKAGE/AGENT/{name}.py" for name in ("__init__", "__main__", "interface", "memory", "behaviours"))
 
 
-def _compose(design: Design, package: str) -> str:
-    services = "\n".join(_service(agent, f"{package}.{agent}") for agent in design.agents)
-    places = ",".join(f"{agent}=tcp/{agent}:7448" for agent in design.agents)
-    return f"""# One service for each agent of design.toml, the router for tools, and the monitor, which records.
-# Agents are linked with each other.
-# `docker compose up -d` (or docker-compose 1.29) here; then the verbs of `roco` look into these containers.
-# No TLS: for a network of your own. The image has Python 3.11, robot-companion and its extra `monitor`; this folder is
-# mounted at /app. `docker compose -f deploy/compose.yaml build monitor` in the clone makes the one named here.
-
-x-common: &common
-  image: ${{{package.upper()}_IMAGE:-robot-companion/monitor}}
-  init: true
-  entrypoint: [python, -m]
-  working_dir: /app
-  labels: {{robot-companion.system: {package}}}
-  volumes: [".:/app:ro", "run:/var/lib/roco"]
-  restart: unless-stopped
-
-x-environment: &environment
-  PYTHONPATH: /app
-  ROCO_SYSTEM: {package}
-  ROCO_CONNECT: tcp/router:7447
-  ROCO_RUN_DIR: /var/lib/roco/run
-  TZ: ${{TZ:-}}
-
-x-agent: &agent
-  <<: *common
-  environment:
-    <<: *environment
-    ROCO_LISTEN: tcp/0.0.0.0:7448
-    ROCO_AGENTS: {places}
-  depends_on: [router, monitor]
-
-services:
-  router:
-    <<: *common
-    command: [operate.router]
-    environment: {{<<: *environment, ROCO_LISTEN: "tcp/0.0.0.0:7447"}}
-
-  monitor:
-    <<: *common
-    command: [operate.recording]
-    environment: *environment
-    depends_on: [router]
-    stop_grace_period: 60s # it writes the report
-
-{services}
-volumes:
-  run:
-"""
+def smallest(name: str) -> str:
+    """The text of the smallest design that runs: two agents, one channel, one protocol."""
+    return _SMALLEST.read_text(encoding="utf-8").replace("NAME", name)
 
 
-def _service(agent: str, module: str) -> str:
-    return f"  {agent}:\n    <<: *agent\n    command: [{module}]\n"
+def scaffold(design_text: str, folder: Path, package: str = "", file: str = "design.toml") -> Outcome:
+    """Write the project into `folder`; `package` "": the system's name. Raises DesignError, ScaffoldError, OSError."""
+    package = package or loading.read(design_text, file).system.name
+    outcome = write(folder, project_files(design_text, package, file))
+    if any(kept.path == f"{package}/design.toml" for kept in outcome.kept):
+        target = folder / package / "design.toml"
+        raise ScaffoldError(
+            str(target), f"was changed and differs from {file}", f"make the project of it: --from {target}"
+        )
+    return outcome
 
 
-def _readme(design: Design, package: str) -> str:
-    rows = "\n".join(
-        f"| `{agent}` | {sentence(entry.text or design.decomposition.tasks.get(agent, ''), 'not said')} |"
-        for agent, entry in design.agents.items()
-    )
+def project_files(design_text: str, package: str, file: str = "design.toml") -> dict[str, str]:
+    """Path -> text of every file of the project. Raises DesignError, ScaffoldError."""
+    design = Design(loading.read(design_text, file), file)
+    require_names(design, package)
+    if design.file.system.key != KEY:
+        raise ScaffoldError(f"{file}: system.key", f"is {design.file.system.key!r}", f"the runtime's keys are {KEY!r}")
+    if slips := design.decomposition.slips:
+        raise ScaffoldError(f"{file}: step {slips[0].step}", slips[0].wrong, slips[0].right)
+    files = {f"{package}/design.toml": design_text}
+
+    def make(template: str, words: dict[str, str], **names: str) -> None:
+        path, names = template, names | {"package": package}
+        for name, value in names.items():
+            path = path.replace(name.upper(), value)
+        files[path] = _filled(template, words | names)
+
+    once = _of_project(design, package)
+    for path in _ONCE:
+        make(path, once)
+    said = classes(design)
+    for language in design.file.language:
+        words = _of_language(design, language, said[language.name])
+        make("PACKAGE/languages/LANGUAGE.py", words, language=module(language.name))
+    for path in ("tests/test_design.py", "tests/test_run.py"):
+        make(path, {})
+    for agent in design.agents:
+        words = _asked(design, package, agent)
+        make("tests/test_AGENT.py", words, agent=agent)
+        if words["asked"]:
+            files[f"tests/test_{agent}.py"] += _filled("tests/answered.py", {})
+    for agent in design.agents:
+        text = sentence(design.agent(agent).text or design.decomposition.tasks.get(agent, ""), "its task is not said")
+        parts = (
+            {"about": docstring(f"a_{agent}. {text}")},
+            _process(package, agent, text),
+            _interface(design, package, agent),
+            _memory(design, agent),
+            _behaviours(design, package, agent, text),
+        )
+        for path, words in zip(_OF_AGENT, parts, strict=True):
+            make(path, words, agent=agent)
+    return files
+
+
+def _filled(template: str, words: dict[str, str]) -> str:
+    return Template((_TEMPLATES / f"{template}.txt").read_text(encoding="utf-8")).substitute(words)
+
+
+# --- once in a project ------------------------------------------------------------------------------------------------
+
+
+def _of_project(design: Design, package: str) -> dict[str, str]:
+    system, tasks = design.file.system, design.decomposition.tasks
     told = {
         f"python -m {package}": "router and agents as processes; prints what they say; Ctrl-C ends them",
         "roco up": "the same in the background; roco status, traffic echo, graph, top, down are about it",
@@ -165,26 +114,214 @@ def _readme(design: Design, package: str) -> str:
         f"roco design verify {package}/design.toml": "whether it can go wrong, and how",
     }
     width = max(map(len, told))
-    commands = "\n".join(f"{command:<{width}}  # {what}" for command, what in told.items())
-    return f"""# {package}
+    languages = [f"{module(entry.name)}.LANGUAGE" for entry in design.file.language]
+    return {
+        "title": docstring(f"{system.name}: {system.text or 'a system designed top-down'}."),
+        "purpose": sentence(system.text, "A system designed top-down"),
+        "capitals": package.upper(),
+        "agents": wrapped("AGENTS = (", [f'"{agent}"' for agent in design.agents], ")"),
+        "places": ",".join(f"{agent}=tcp/{agent}:7448" for agent in design.agents),
+        "services": "\n".join(f"  {one}:\n    <<: *agent\n    command: [{package}.{one}]\n" for one in design.agents),
+        "table": "\n".join(
+            f"| `{agent}` | {sentence(entry.text or tasks.get(agent, ''), 'not said')} |"
+            for agent, entry in design.agents.items()
+        ),
+        "commands": "\n".join(f"{command:<{width}}  # {what}" for command, what in told.items()),
+        "modules": ", ".join(sorted(module(language.name) for language in design.file.language)),
+        "languages": wrapped("LANGUAGES = Languages((", languages, ",))" if len(languages) == 1 else "))"),
+    }
 
-{sentence(design.file.system.text, "A system designed top-down")} Made by `roco design new` from
-[`{package}/design.toml`]({package}/design.toml); the design is what runs.
 
-| agent | what it is for |
-|---|---|
-{rows}
+# --- the content languages: one Struct for each class that the design names, fields to fill in ------------------------
 
-```
-{commands}
-```
 
-To fill in, marked `# to fill in`, until then an agent refuses what it is asked and stays in its state:
+def _of_language(design: Design, language: elements.Language, words: tuple[str, ...]) -> dict[str, str]:
+    said: dict[str, dict[str, None]] = {word: {} for word in words}  # class -> in which acts it is said
+    for use in design.file.protocol:
+        for message in use.message:
+            for name in design.contents(use, message):
+                spoken, _, word = name.partition(".")
+                if spoken == language.name:
+                    said[word][f"{message.performative} of {message.sender} in {use.name}"] = None
+    blocks = []
+    for word, acts in said.items():
+        about = sentence(", ".join(acts), f"{word}: fields to fill in").removesuffix(".") + "."
+        blocks.append(f"class {word}(Sentence, frozen=True):\n{docstring(about, 4)}\n\n\n")
+    line = " | ".join(words) or "Sentence"
+    union = f"Content = {line}"
+    if len(union) > WIDTH:
+        lines = (line,) if len(f"    {line}") <= WIDTH else (words[0], *(f"| {word}" for word in words[1:]))
+        union = "\n".join(("Content = (", *(f"    {one}" for one in lines), ")"))
+    about = (
+        f"{language.name}: {language.text or 'a content language of the design'}.\n\n"
+        "Give each sentence its fields; msgspec checks them on the way in. Where a protocol tells uses of inform apart "
+        "(progress, final), give the Language a `kind`: a function of the sentence."
+    )
+    return {"about": docstring(about), "name": language.name, "classes": "".join(blocks), "union": union}
 
-- `{package}/languages/*.py`: the fields of each sentence
-- `{package}/<agent>/memory.py`: what it remembers, and the conditions that end its states and label its arcs
-- `{package}/<agent>/behaviours.py`: what it does in each state
 
-After a change of the design: `roco design new --from {package}/design.toml .` makes what is new. A file
-that you changed is kept, and the names it still lacks are told.
-"""
+# --- an agent ---------------------------------------------------------------------------------------------------------
+
+
+def _process(package: str, agent: str, text: str) -> dict[str, str]:
+    told = textwrap.shorten(text, 80, placeholder=" ...").replace("\\", "\\\\").replace('"', "'")
+    return {
+        "imports": imports(
+            f"from {package}.{agent}.behaviours import agent", f"from {package}.design import DESIGN, LANGUAGES"
+        ),
+        "run": wrapped("    cli.run(", [f'"{agent}"', f'"a_{agent}. {told}"', "serve"], ")"),
+    }
+
+
+def _interface(design: Design, package: str, agent: str) -> dict[str, str]:
+    offers = _table(design, "OFFERS", [use for use in design.file.protocol if use.participant == agent])
+    asks = _table(design, "ASKS", [use for use in design.file.protocol if use.initiator == agent])
+    words = f"{offers}\n{asks}".replace("[", " ").replace("(", " ")
+    used = sorted({name for entry in design.file.language if f" {(name := module(entry.name))}." in words})
+    return {
+        "about": docstring(f"Requests that a_{agent} takes (OFFERS) and makes (ASKS), by the use of a protocol."),
+        "imports": f"\nfrom {package}.languages import {', '.join(used)}\n" if used else "",
+        "offers": offers,
+        "asks": asks,
+    }
+
+
+def _table(design: Design, name: str, uses: list[elements.Protocol]) -> str:
+    """The interface entries of some uses as a table of Python, wrapped like ruff's formatter does."""
+    if not uses:
+        return f"{name}: dict[str, ClassInterfaceInfo] = {{}}"
+
+    def dotted(names: tuple[str, ...], between: str) -> str:
+        return between.join(f"{module(language)}.{word}" for language, _, word in (one.partition(".") for one in names))
+
+    def own_line(words: str) -> str:  # a union that is too long for a line stands in several
+        return words if 16 + len(words) < WIDTH else words.replace(" | ", f"\n{' ' * 16}| ")
+
+    lines = [f"{name} = {{"]
+    for use in uses:
+        entries = [
+            (
+                f'"{entry.performative}"',
+                f'"{entry.name}"',
+                f"[{dotted(entry.arguments, ', ')}]",
+                dotted(entry.answers, " | ") or "None",
+            )
+            for entry in design.entries(use.name)
+        ]
+        flat = ", ".join(f"({', '.join(parts)})" for parts in entries)
+        line = f'    "{use.name}": ClassInterfaceInfo([{flat}]),'
+        opening = (f'    "{use.name}": ClassInterfaceInfo(', "        [")
+        rows = (wrapped("            (", [own_line(part) for part in entry], "),") for entry in entries)
+        lines += [line] if len(line) <= WIDTH else [*opening, *rows, "        ]", "    ),"]
+    return "\n".join((*lines, "}"))
+
+
+def _memory(design: Design, agent: str) -> dict[str, str]:
+    entry, conditions = design.agent(agent), sorted(design.conditions(agent))
+    blocks = []
+    for name in conditions:
+        purpose = [f"ends state {state.name}" for state in entry.state if state.terminal == name]
+        purpose += [f"ends state {state.name} as an error" for state in entry.state if state.error == name]
+        purpose += [f"leads from {arc.source} to {arc.target}" for arc in entry.arc if arc.when == name]
+        about = docstring(sentence("; ".join(purpose), name), 4)
+        blocks.append(f"def {name}(memory: Memory) -> bool:\n{about}\n    return False  # to fill in\n\n\n")
+    about = f"Memory of a_{agent}, and the conditions of its states and arcs. Must not know: messages."
+    return {
+        "about": docstring(about),
+        "conditions": "".join(blocks),
+        "table": wrapped("CONDITIONS = {", [f'"{name}": {name}' for name in conditions], "}"),
+    }
+
+
+def _behaviours(design: Design, package: str, agent: str, text: str) -> dict[str, str]:
+    entry = design.agent(agent)
+    states: dict[str, list[elements.State]] = {}
+    for state in entry.state:
+        states.setdefault(state.behaviour, []).append(state)
+    head = (
+        f"a_{agent}. {text} Its behaviours, bound to the states of design.toml by name.\n\n"
+        "A behaviour is called once without an event when its state is entered, then once for each event; it gives the "
+        "memory as it then is, and says what is to be said through the turn. Must not know: clocks, the wire."
+    )
+    blocks = []
+    for name, served in states.items():
+        about = docstring("\n".join(_purpose(design, entry, served)), 4)
+        blocks.append(
+            f"def {name}(memory: Memory, turn: Turn) -> Memory:\n{about}\n"
+            f'    return unfilled(memory, turn, "{name}")  # to fill in\n\n\n'
+        )
+    opening = "BEHAVIOURS: dict[str, Transition[Memory]] = {"
+    return {
+        "about": docstring(head),
+        "imports": imports(
+            f"from {package}.{agent}.memory import CONDITIONS, Memory", f"from {package}.design import DESIGN"
+        ),
+        "behaviours": "".join(blocks),
+        "table": wrapped(opening, [f'"{name}": {name}' for name in states], "}"),
+    }
+
+
+def _purpose(design: Design, entry: elements.Agent, states: list[elements.State]) -> Iterator[str]:
+    """Lines that say what a behaviour is for: its states, how they end, what the rows want of them."""
+    names = {state.name for state in states}
+    what = "; ".join(state.text for state in states if state.text)
+    yield f"Behaviour of {' and '.join(f'`{state.name}`' for state in states)}: {what or 'not said'}."
+    yield ""
+    ends = " or ".join(dict.fromkeys(f"`{name}`" for s in states for name in (s.terminal, s.error) if name))
+    arcs = (arc for arc in entry.arc if arc.source in names)
+    targets = ", ".join(f"{arc.target} if {arc.when}" if arc.when else arc.target for arc in arcs)
+    yield f"Ends when {ends} holds; then {targets or 'nowhere'}."
+    for row in entry.row:
+        if names & set(row.in_):
+            wanted = {
+                "if": row.when,
+                "say": row.say,
+                "may say": row.may,
+                "owe": row.owes,
+                "let wait": row.waits,
+                "drop": row.drop,
+                "go on by choice": (row.then,) if row.then else (),
+                "then": (row.to,) if row.to else (),
+            }
+            parts = [f"{verb} {', '.join(things)}" for verb, things in wanted.items() if things]
+            yield f"- on {row.on}: {'; '.join(parts) or 'note it'}"
+    if entry.row:
+        return
+    for name in dict.fromkeys(name for state in states for name in state.talks):
+        use = design.protocol(name)
+        peer = use.participant if use.initiator == entry.name else use.initiator
+        said: dict[str, list[str]] = {peer: [], entry.name: []}
+        for message in use.message:
+            contents = " | ".join(content.partition(".")[2] for content in design.contents(use, message))
+            said[message.sender].append(f"{message.performative} {contents}".strip())
+        hears, says = ", ".join(said[peer]), ", ".join(said[entry.name])
+        yield f"- {name}: {use.follows} with {peer}; hears {hears}; says {says}"
+
+
+def _asked(design: Design, package: str, agent: str) -> dict[str, str]:
+    """The test of an agent asks it whatever it may be asked first."""
+    rows = []
+    for use in design.file.protocol:
+        table = design.tables.get(use.follows)
+        if use.participant != agent or table is None:
+            continue
+        for message in use.message:
+            if message.sender == use.initiator and message.performative in table.openings:
+                for content in design.contents(use, message) or ("",):
+                    rows.append(
+                        f'    ("{use.initiator}", "{use.follows}", P("{message.performative}"), "{content}"),\n'
+                    )
+    samples = (
+        "from agent_runtime.testing.samples import sample_named\n"
+        "from fipa_codec.performatives import Performative as P\n"
+    )
+    return {
+        "pytest": "import pytest\n" if rows else "",
+        "samples": samples if rows else "",
+        "imports": imports(
+            f"from {package}.{agent} import interface",
+            f"from {package}.{agent}.behaviours import agent",
+            f"from {package}.design import DESIGN, INTERFACES, LANGUAGES",
+        ),
+        "asked": f"\nASKED = [\n{''.join(rows)}]\n" if rows else "",
+    }

@@ -7,7 +7,6 @@ The only files this touches are those it is given and that one.
 import ast
 import hashlib
 import re
-from collections.abc import Set
 from pathlib import Path
 
 import msgspec
@@ -34,7 +33,10 @@ class Outcome(msgspec.Struct, frozen=True):
 
 def write(folder: Path, files: dict[str, str]) -> Outcome:
     """Write what is new, rewrite what nobody touched, keep the rest. Raises OSError."""
-    known = _manifest(folder)
+    try:
+        known = msgspec.json.decode((folder / MANIFEST).read_bytes(), type=dict[str, str])
+    except (OSError, msgspec.MsgspecError):
+        known = {}
     written: list[str] = []
     same: list[str] = []
     kept: list[str] = []
@@ -54,7 +56,10 @@ def write(folder: Path, files: dict[str, str]) -> Outcome:
     left = tuple(path for path in known if path not in files and (folder / path).exists())
     folder.mkdir(parents=True, exist_ok=True)
     (folder / MANIFEST).write_bytes(msgspec.json.format(msgspec.json.encode(known), indent=1) + b"\n")
-    own = _own_text(folder, files.keys() - kept) if kept else ""
+    made = files.keys() - kept
+    # all Python that a user wrote: what is bound in one of these files may be defined in another
+    others = [path for path in folder.rglob("*.py") if path.relative_to(folder).as_posix() not in made] if kept else []
+    own = "\n".join(path.read_text(encoding="utf-8", errors="replace") for path in others)
     changed = tuple(Kept(path, missing(files[path], own) if path.endswith(".py") else ()) for path in kept)
     return Outcome(str(folder), tuple(written), tuple(same), changed, left)
 
@@ -65,12 +70,6 @@ def missing(wanted: str, present: str) -> tuple[str, ...]:
     return tuple(name for name in _defined(wanted) if name not in words)
 
 
-def _own_text(folder: Path, made: Set[str]) -> str:
-    """All Python that a user wrote: what is bound in one of these files may be defined in another."""
-    paths = (path for path in folder.rglob("*.py") if path.relative_to(folder).as_posix() not in made)
-    return "\n".join(path.read_text(encoding="utf-8", errors="replace") for path in paths)
-
-
 def _defined(text: str) -> list[str]:
     names = []
     for node in ast.parse(text).body:
@@ -79,14 +78,6 @@ def _defined(text: str) -> list[str]:
         elif isinstance(node, ast.Assign):
             names += [target.id for target in node.targets if isinstance(target, ast.Name)]
     return names
-
-
-def _manifest(folder: Path) -> dict[str, str]:
-    """Path -> checksum of the text that was written last; empty where there is none, or it cannot be read."""
-    try:
-        return msgspec.json.decode((folder / MANIFEST).read_bytes(), type=dict[str, str])
-    except (OSError, msgspec.MsgspecError):
-        return {}
 
 
 def _sum(text: str) -> str:

@@ -1,16 +1,13 @@
 """What must be true after each act: the table is complete, and what is known after acts follows from what they told."""
 
-from typing import get_args
-
 import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.acts import ACTS, AnyAct
+from companion.acts import ACTS
 from companion.languages.evidence import AnyClaim, Claim, Evidence, Sense, fitting, newest, unchecked
 from companion.languages.open_enums import members
-from companion.sentences import Reader, catalogue
 
 pytestmark = pytest.mark.timeout(60)
 CLAIMS = members(AnyClaim)
@@ -28,26 +25,20 @@ TOLD = st.lists(
 
 
 def test_each_act_says_what_must_be_true_after_it() -> None:
-    """No act without a row, no claim without words, no check of a thing that the command does not name."""
-    assert set(ACTS) == set(get_args(AnyAct))
-    assert all(set(catalogue(reader).claim) == set(CLAIMS) for reader in Reader)
+    """Each check names senses, a field of the command and a claim; each claim is one of a check."""
     for act, row in ACTS.items():
         assert row.checks, act
         assert all(check.by for check in row.checks)
         assert {check.of for check in row.checks if check.of} <= set(act.__struct_fields__)
-
-
-def test_each_claim_is_one_of_a_check() -> None:
-    """Else its words are for nothing; and a check of a claim names a known one."""
     assert {check.claim for row in ACTS.values() for check in row.checks} == set(CLAIMS.values())
 
 
-@pytest.mark.parametrize("claim", CLAIMS.values())
-def test_a_claim_survives_the_wire(claim: AnyClaim) -> None:
+def test_a_claim_survives_the_wire() -> None:
     """As the same member, with what it says of itself; an unknown one is refused."""
-    data = msgspec.msgpack.encode(Evidence(claim, "jar_1"))
-    assert msgspec.msgpack.decode(data)[0] == claim.value
-    assert msgspec.msgpack.decode(data, type=Evidence).claim is claim
+    for claim in CLAIMS.values():
+        data = msgspec.msgpack.encode(Evidence(claim, "jar_1"))
+        assert msgspec.msgpack.decode(data)[0] == claim.value
+        assert msgspec.msgpack.decode(data, type=Evidence).claim is claim
     with pytest.raises(msgspec.ValidationError, match="unknown AnyClaim 'flies'"):
         msgspec.msgpack.decode(msgspec.msgpack.encode(("flies", "jar_1")), type=Evidence)
 

@@ -2,10 +2,11 @@
 
 import pytest
 from msgspec.structs import replace
+from planned import Km, acts, surveyed
 
 from companion.languages import hfsm
 from companion.languages.values import Side
-from companion.planning.asking import Asking
+from companion.planning.methods import OTHER, Asking
 from companion.planning.steps import Geometry
 from companion.tasks.pour import plan as pouring
 from companion.tasks.pour.done import Pour
@@ -13,7 +14,6 @@ from velma.kinematics.robot import Robot
 from velma.model import scene as model
 
 pytestmark = pytest.mark.timeout(240)
-OTHER = {Side.LEFT: Side.RIGHT, Side.RIGHT: Side.LEFT}
 
 
 def mirrored(scene: model.Scene) -> model.Scene:
@@ -23,18 +23,16 @@ def mirrored(scene: model.Scene) -> model.Scene:
 
 
 def hands(plan: hfsm.HierarchicalPlan | hfsm.NoPlan) -> list[Side]:
-    """Return the hands that pour in a plan."""
-    assert isinstance(plan, hfsm.HierarchicalPlan), plan.why
-    acts = [leaf.command for state in plan.root.states for leaf in getattr(state, "states", ())]
-    return [act.side for act in acts if isinstance(act, Pour)]
+    """The hands that pour in a plan."""
+    return [act.side for act in acts(plan, Pour)]
 
 
 @pytest.mark.parametrize("seed", [4, 12])
-def test_the_hand_beside_the_bowl_is_likely(seed: int, km, surveyed_scene) -> None:
+def test_the_hand_beside_the_bowl_is_likely(seed: int) -> None:
     """In env2 the right one, in its mirror image the left one; the question is asked once for a place of the bowl."""
     scene = model.vary(model.load(model.CANONICAL.with_stem("env2")), seed)
     for likely, one in ((Side.RIGHT, scene), (Side.LEFT, mirrored(scene))):
-        asking = Asking(km(surveyed_scene(one)).ask, "p")
+        asking = Asking(Km(surveyed(one)).ask, "p")
         geometry, state = Geometry(asking, Robot(), seed), asking.suppose("", ())
         for hand in Side:
             assert pouring.likely(geometry, state, "jar_1", "bowl_1", hand) is (hand is likely)
@@ -42,8 +40,8 @@ def test_the_hand_beside_the_bowl_is_likely(seed: int, km, surveyed_scene) -> No
         assert len(geometry.pouring) == 1
 
 
-def test_the_other_hand_pours_where_the_likely_one_cannot(env2, km, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_other_hand_pours_where_the_likely_one_cannot(env2, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the wrong hand taken for the likely one, the same hand pours in the end."""
-    (right,) = hands(km(env2).plan("pour", "jar", "bowl"))
+    (right,) = hands(Km(env2).plan("pour", "jar", "bowl"))
     monkeypatch.setattr(pouring, "_likely", lambda *arguments: OTHER[right])
-    assert hands(km(env2).plan("pour", "jar", "bowl")) == [right]
+    assert hands(Km(env2).plan("pour", "jar", "bowl")) == [right]

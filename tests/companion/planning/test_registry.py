@@ -5,7 +5,7 @@ from inspect import getsource
 
 import pytest
 
-from companion.planning import engine
+from companion.planning import search
 from companion.planning.registry import Each, rows, tasks, things
 from companion.tasks import parts
 
@@ -15,14 +15,14 @@ OWN = {"a_replan", "a_tell", "a_some_done", "a_end"}
 
 def test_each_task_that_can_be_asked_for_has_methods() -> None:
     """And no check is declared for another one."""
-    assert set(tasks()) <= set(engine.METHODS)
+    assert set(tasks()) <= set(search.METHODS)
     assert {name for row in rows() for name in row.refused} <= set(tasks())
 
 
 def test_each_name_of_a_row_is_declared() -> None:
     """A method around tasks is named in the rows of those tasks."""
-    used = {one for methods in engine.METHODS.values() for one in methods if isinstance(one, str)}
-    assert used == set(engine.AROUND)
+    used = {one for methods in search.METHODS.values() for one in methods if isinstance(one, str)}
+    assert used == set(search.AROUND)
 
 
 @pytest.mark.parametrize("module", parts("plan"), ids=lambda module: module.__name__.split(".")[-2])
@@ -32,13 +32,13 @@ def test_each_subtask_is_declared(module) -> None:
     methods = [one.method if isinstance(one, Each) else one for one in (*declared, *module.PLAN.around.values())]
     named = {name for method in methods for name in NAMED.findall(getsource(method))}
     assert methods
-    assert named <= {*engine.METHODS, *engine.ACTIONS, *engine.CONDITIONS, *OWN}
+    assert named <= {*search.METHODS, *search.ACTIONS, *search.CONDITIONS, *OWN}
 
 
 def test_a_name_that_two_tasks_declare_is_refused() -> None:
     """With the name: GTPyhop would try the methods of both."""
     with pytest.raises(ValueError, match=r"declared by two tasks: set_down"):
-        engine.merged([{"set_down": 1, "take": 2}, {"set_down": 3}])
+        search.merged([{"set_down": 1, "take": 2}, {"set_down": 3}])
 
 
 def test_the_things_of_a_task_are_its_arguments_of_that_kind() -> None:

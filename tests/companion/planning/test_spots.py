@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.languages import wm
-from companion.planning import places as under_test
-from companion.planning.places import NEAR_M, TOGETHER, Spot
+from companion.planning import placing as under_test
+from companion.planning.placing import NEAR_M, TOGETHER, Spot
 
 ROOM = 1.0  # [m] side of the square in which spots are
 

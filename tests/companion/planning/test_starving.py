@@ -4,17 +4,20 @@ import gc
 import weakref
 
 import pytest
+from planned import Km
 
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from services.knowledge.scene import Scene
 
+POUR = ("pour", "jar", "bowl")
 SOON = (
     wm.ListObjects, wm.HypotheticalState, wm.CurrentGrasp, wm.ObjectPose, wm.Holds, wm.GraspAtSide, wm.StaticObjects,
     wm.EnvironmentShapes, wm.GripperConfiguration, wm.TorsoConfiguration, wm.ArmConfiguration, wm.ObjectModel,
     wm.GraspSet, wm.ObjectHole, wm.GraspDefinition,
 )  # fmt: skip
-LATE = (wm.RobotReach, wm.FlatSurfaces, wm.CollisionsInVolume)
+LATE = (wm.RobotReach, wm.FlatSurfaces, wm.CollisionsInVolume)  # of tables and reach
+pytestmark = pytest.mark.timeout(240)
 
 
 def test_these_are_all_that_is_asked(first, second) -> None:
@@ -23,81 +26,52 @@ def test_these_are_all_that_is_asked(first, second) -> None:
     assert asked == {*SOON, *LATE}
 
 
-@pytest.mark.parametrize("kind", SOON)
-def test_starved_of_a_kind_there_is_no_plan(km, beginning: Scene, kind: type) -> None:
-    """From the beginning: km's reason is told, and nothing is planned without the fact."""
-    plan = km(beginning, lambda query: isinstance(query, kind)).plan("pour", "jar", "bowl")
-    assert isinstance(plan, hfsm.NoPlan)
-    assert fact(Kind.UNKNOWN_TO_KM, kind.__name__) in plan.why
+@pytest.mark.parametrize(
+    ("begin", "kinds"),
+    [
+        ("beginning", (*SOON, wm.FlatSurfaces)),  # the last question ends it as well, though both hands are tried first
+        ("bowl_out", LATE),
+        ("bowl_placed", (wm.ObjectHole, wm.ObjectModel, wm.ObjectPose, wm.EnvironmentShapes)),  # the second plan, too
+    ],
+)
+def test_starved_of_a_kind_there_is_no_plan(begin: str, kinds: tuple[type, ...], request) -> None:
+    """km's reason is told, and nothing is planned without the fact."""
+    for kind in kinds:
+        km = Km(request.getfixturevalue(begin), lambda query, kind=kind: isinstance(query, kind))
+        assert fact(Kind.UNKNOWN_TO_KM, kind.__name__) in km.plan(*POUR).why, kind
 
 
-@pytest.mark.parametrize("kind", LATE)
-def test_starved_of_where_to_put_down_there_is_no_plan(km, bowl_out: Scene, kind: type) -> None:
-    """With the bowl in the hand: what is asked of tables and reach."""
-    plan = km(bowl_out, lambda query: isinstance(query, kind)).plan("pour", "jar", "bowl")
-    assert isinstance(plan, hfsm.NoPlan)
-    assert fact(Kind.UNKNOWN_TO_KM, kind.__name__) in plan.why
-
-
-def test_starved_of_where_to_put_down_the_whole_plan_fails(km, beginning: Scene) -> None:
-    """The last question ends it as well, though both hands are tried first."""
-    plan = km(beginning, lambda query: isinstance(query, wm.FlatSurfaces)).plan("pour", "jar", "bowl")
-    assert isinstance(plan, hfsm.NoPlan)
-    assert fact(Kind.UNKNOWN_TO_KM, "FlatSurfaces") in plan.why
-
-
-@pytest.mark.parametrize("kind", [wm.ObjectHole, wm.ObjectModel, wm.ObjectPose, wm.EnvironmentShapes])
-def test_starved_the_second_plan_fails(km, bowl_placed: Scene, kind: type) -> None:
-    """Pouring as well stands on what km says now, not on what it said before."""
-    plan = km(bowl_placed, lambda query: isinstance(query, kind)).plan("pour", "jar", "bowl")
-    assert isinstance(plan, hfsm.NoPlan)
-    assert fact(Kind.UNKNOWN_TO_KM, kind.__name__) in plan.why
-
-
-@pytest.mark.parametrize("name", ["jar_1", "bowl_1", "cabinet_2"])
-def test_starved_of_a_thing_there_is_no_plan(km, beginning: Scene, name: str) -> None:
+def test_starved_of_a_thing_there_is_no_plan(beginning: Scene) -> None:
     """Source, destination and what they stand in: each is asked about by name."""
-    plan = km(beginning, lambda query: getattr(query, "object", "") == name).plan("pour", "jar", "bowl")
-    assert isinstance(plan, hfsm.NoPlan)
-    assert Kind.UNKNOWN_TO_KM in {one.kind for one in plan.why}
+    for name in ("jar_1", "bowl_1", "cabinet_2"):
+        plan = Km(beginning, lambda query, name=name: getattr(query, "object", "") == name).plan(*POUR)
+        assert Kind.UNKNOWN_TO_KM in {one.kind for one in plan.why}, name
 
 
-def test_an_answer_of_another_kind_is_no_answer(km, beginning: Scene) -> None:
+def test_an_answer_of_another_kind_is_no_answer(beginning: Scene) -> None:
     """The search takes only an answer to its question, whatever km says."""
-    mad = km(beginning)
+    mad = Km(beginning)
     truthful = mad.ask
     mad.ask = lambda query: wm.Truth(True) if isinstance(query, wm.GraspSet) else truthful(query)
-    plan = mad.plan("pour", "jar", "bowl")
-    assert isinstance(plan, hfsm.NoPlan)
-    assert fact(Kind.UNKNOWN_TO_KM, "GraspSet") in plan.why
+    assert fact(Kind.UNKNOWN_TO_KM, "GraspSet") in mad.plan(*POUR).why
 
 
-@pytest.mark.parametrize(
-    ("seen", "arguments", "word"), [(True, ("jar", "bucket"), "bucket"), (False, ("jar", "bowl"), "jar")]
-)
-def test_what_was_never_seen_is_looked_for_once(
-    seen: bool, arguments: tuple[str, str], word: str, km, beginning: Scene
-) -> None:
+def test_what_was_never_seen_is_looked_for_once(beginning: Scene) -> None:
     """A look wherever the head turns; then km is asked for it, and if it does not know it, the task fails."""
-    plan = km(beginning if seen else Scene()).plan("pour", *arguments)
-    assert isinstance(plan, hfsm.HierarchicalPlan)
-    machine, asked, end = plan.root.states
-    assert isinstance(machine, hfsm.Machine)
-    (look,) = machine.states
-    assert isinstance(look, hfsm.ActState)
-    assert isinstance(look.command, rc.Look)
-    assert isinstance(asked, hfsm.AskState)
-    assert (asked.query.subject, asked.otherwise) == (word, hfsm.Outcome.FAILED)
-    assert isinstance(end, hfsm.EndState)
-    assert end.outcome is hfsm.Outcome.REPLAN
+    for scene, destination, word in ((beginning, "bucket", "bucket"), (Scene(), "bowl", "jar")):
+        machine, asked, end = Km(scene).plan("pour", "jar", destination).root.states
+        (look,) = machine.states
+        assert isinstance(look.command, rc.Look)
+        assert (asked.query.subject, asked.otherwise) == (word, hfsm.Outcome.FAILED)
+        assert end.outcome is hfsm.Outcome.REPLAN
 
 
-def test_a_search_leaves_nothing_behind(km, beginning: Scene) -> None:
+def test_a_search_leaves_nothing_behind(beginning: Scene) -> None:
     """Neither one that fails nor one that is broken off: the process that searches lives as long as the robot."""
-    starved = km(beginning, lambda query: isinstance(query, wm.GraspSet))
-    starved.plan("pour", "jar", "bowl")
+    starved = Km(beginning, lambda query: isinstance(query, wm.GraspSet))
+    starved.plan(*POUR)
     with pytest.raises(RuntimeError, match="division"):
-        km(beginning, lambda query: isinstance(query, wm.GraspSet) and 1 / 0 == 0).plan("pour", "jar", "bowl")
+        Km(beginning, lambda query: isinstance(query, wm.GraspSet) and 1 / 0 == 0).plan(*POUR)
     gone = weakref.ref(starved)
     del starved
     gc.collect()

@@ -14,8 +14,7 @@ from companion.languages.values import Pose, Side
 from companion.look_around import POINTS
 from companion.skills.loop_messages import Motion, Phase
 from companion.skills.performing import perform
-from companion.skills.sight import Eye
-from companion.skills.situation import Situation, beginning
+from companion.skills.situation import Eye, Situation, beginning
 from companion.skills.skill import Sensed
 from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess, markers, receptor, things

@@ -20,7 +20,7 @@ RETREAT = [(pin.SE3(np.eye(3), np.array([0.0, 0.0, back])), 1.2) for back in (-0
 
 @pytest.fixture
 def far_out() -> Situation:
-    """The afternoon of benchmarks/afternoon.py with seed 10, when "put down the bowl" was cancelled."""
+    """The afternoon of docs/scheduling.md with seed 10, when "put down the bowl" was cancelled."""
     here = beginning(Robot(), THINGS, {})
     here.q = np.array(Q)
     here.place("table_1", standing(np.array([0.78, -0.843, 0.0])))
@@ -34,7 +34,6 @@ def far_out() -> Situation:
 def test_what_is_held_far_out_is_put_down_there(far_out: Situation) -> None:
     """A spot as far from the shoulder as the hand is now can be reached."""
     found = emergency_place.free_spot(far_out, LEFT, RETREAT)
-    assert found is not None
     place, path = found
     now = emergency_place.held_pose(far_out, LEFT).translation
     assert np.linalg.norm((place.translation - now)[:2]) < 0.3

@@ -13,8 +13,7 @@ from companion.look_around import POINTS
 from companion.skills import senses
 from companion.skills.performing import SKILLS, perform
 from companion.skills.senses import BLIND_LOOKS
-from companion.skills.sight import Neck
-from companion.skills.situation import Situation
+from companion.skills.situation import Neck, Situation
 from companion.tasks.pour.done import Pour
 from services.executor.pixel_receptor import OwnPixelReceptor
 from services.executor.receptor import Receptor

@@ -24,7 +24,7 @@ WORDS = re.compile(rf"\b({'|'.join(sorted(CLASSES))})\b")
 ALLOWED = {
     "shared/companion/design.toml": "the design lists each content with its size and rate; test_acts.py compares it",
     "shared/companion/planning/grasping.py": "a word of the seed: with another one, every plan would change",
-    "shared/companion/tools/verbs/experiment.py": "`roco experiment pour` is the paper's main job",
+    "shared/companion/tools/verbs/pour_run.py": "`roco experiment pour` is the paper's main job",
 }
 
 

@@ -1,6 +1,7 @@
 """Makes the synthetic run of tests/operate importable (tests have no packages)."""
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,19 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2] / "operate"))
 
 from synthetic import Run, pour
+
+from companion.tools import asking
+from services.knowledge import asked
+
+_recorded = cache(asking._recorded)
+
+
+@pytest.fixture
+def answered_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Questions are answered in this process, of recordings that are read once."""
+    monkeypatch.setattr(asked, "bound", lambda seconds: None)
+    monkeypatch.setattr(asking, "answered", asked.answer)
+    monkeypatch.setattr(asking, "_recorded", _recorded)
 
 
 @pytest.fixture(scope="session")

@@ -36,6 +36,7 @@ def test_a_table_for_people(recording: Path) -> None:
     assert out.splitlines()[3] == "2 rows; as km knew it at 12 of 85.7 s"
 
 
+@pytest.mark.usefixtures("answered_here")
 def test_nothing_was_known_before_it_was_told() -> None:
     """A recording is asked of any time: km was told first 5 s after the beginning, and of the pour last."""
     assert "0 rows" in run(IN, "--at", "5")[1]
@@ -62,6 +63,7 @@ def test_json_as_sparql_has_it() -> None:
     }
 
 
+@pytest.mark.usefixtures("answered_here")
 def test_csv_as_sparql_has_it() -> None:
     """A line of columns, then values alone; nothing where a value is missing."""
     _, out, _ = run(MIXED, "--format", "csv")
@@ -71,6 +73,7 @@ def test_csv_as_sparql_has_it() -> None:
     ]
 
 
+@pytest.mark.usefixtures("answered_here")
 def test_a_triple_term_is_shown() -> None:
     """For people with prefixes, in CSV with whole IRIs, in JSON with its parts."""
     query = "SELECT (<<( thing:jar_1 roco:isIn 'x' )>> AS ?said) {}"
@@ -82,6 +85,7 @@ def test_a_triple_term_is_shown() -> None:
     assert said["value"]["object"] == {"type": "literal", "value": "x"}
 
 
+@pytest.mark.usefixtures("answered_here")
 def test_what_is_shown_may_be_asked() -> None:
     """A short name with a slash in it is a name in SPARQL, too."""
     held = "SELECT ?grasp WHERE { thing:jar_1 roco:isGraspedWith ?grasp }"
@@ -93,6 +97,7 @@ def test_what_is_shown_may_be_asked() -> None:
     )
 
 
+@pytest.mark.usefixtures("answered_here")
 @pytest.mark.parametrize(("at", "code", "word"), [("12", 1, "false"), ("30", 0, "true")])
 def test_no_is_exit_code_1(at: str, code: int, word: str) -> None:
     """As of each verb that is answered with no; in all forms."""
@@ -101,6 +106,7 @@ def test_no_is_exit_code_1(at: str, code: int, word: str) -> None:
     assert run(*words, "json")[:2] == (code, f'{{"head":{{}},"boolean":{word}}}\n')
 
 
+@pytest.mark.usefixtures("answered_here")
 def test_rows_left_out_are_told_in_each_form() -> None:
     """In the table's last line, in the object, beside the csv."""
     every = ("SELECT ?a WHERE { ?a ?b ?c }", "--rows", "3")
@@ -111,11 +117,13 @@ def test_rows_left_out_are_told_in_each_form() -> None:
     assert "only the first 3 rows" in error
 
 
+@pytest.mark.usefixtures("answered_here")
 def test_a_question_from_standard_input() -> None:
     """Quotes of the shell need not be escaped."""
     assert "thing:jar_1" in run("-", "--at", "12", text=IN)[1]
 
 
+@pytest.mark.usefixtures("answered_here")
 def test_updates_are_wrong_use() -> None:
     """Exit code 2, and what to write instead."""
     code, out, error = run("DELETE WHERE { ?a ?b ?c }")

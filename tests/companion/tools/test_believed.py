@@ -22,8 +22,9 @@ from companion.tools.report.judges import Share
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from fipa_codec.communicate import encode
-from operate.recording.history import History, load
+from operate.recording.history import History
 from operate.recording.records import Spoken
+from operate.recording.run import Run
 from services.knowledge.beliefs import Beliefs as KmBeliefs
 from services.knowledge.beliefs import believed as of_km
 
@@ -35,7 +36,7 @@ NEAR_MM = 10.0
 @pytest.fixture(scope="module")
 def past() -> History:
     """The recorded pour; jar in the left hand, bowl on the table at its end."""
-    return load(POUR, SYSTEM)
+    return Run(POUR, SYSTEM).history
 
 
 def saying(one: Spoken, content: object, id: str, received: float) -> Spoken:

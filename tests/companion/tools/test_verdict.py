@@ -22,6 +22,7 @@ from companion.tools.telemetry import truth
 from fipa_codec.performatives import Performative as P
 from operate.recording import history
 from operate.recording.records import Spoken, understood
+from operate.recording.run import Run as RecordedRun
 from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
 
 Change = Callable[[TrueState], TrueState]
@@ -243,9 +244,9 @@ def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path: Path) -> N
     whole = Fleet("roco", "", 7, 0.0, processes)
     (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(whole))
     blamed = "loop did not run (given-up: ended with code 2: loop: scene: file is none)"
-    assert verdict.failure(history.load(tmp_path, SYSTEM)) == blamed
+    assert verdict.failure(RecordedRun(tmp_path, SYSTEM).history) == blamed
     (tmp_path / FLEET_FILE).unlink()
-    assert verdict.failure(history.load(tmp_path, SYSTEM)) == "no command of a person was heard"
+    assert verdict.failure(RecordedRun(tmp_path, SYSTEM).history) == "no command of a person was heard"
 
 
 def test_a_job_that_was_done_is_done_whoever_died_then(pouring: Run) -> None:

@@ -8,9 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from companion.languages import hfsm, rc
-from companion.tools.why.plans import _ends
+from companion.tools.why import _ends
 from operate.cli.__main__ import app
 
+pytestmark = pytest.mark.usefixtures("answered_here")
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 
 
@@ -26,14 +27,13 @@ def told(why: Any, title: str) -> list[str]:
     return next([fact["text"] for fact in one["facts"]] for one in why["passages"] if one["title"] == title)
 
 
-def test_the_newest_task_is_meant_where_none_is_named() -> None:
-    """The only one here."""
-    assert asked("why") == asked("why", "hi-1-1")
-
-
 def test_why_two_plans() -> None:
-    """The first one says that it ends with a new plan and ended so, with the reason; the second one succeeded."""
+    """The first one says that it ends with a new plan and ended so, with the reason; the second one succeeded.
+
+    The newest task is meant where none is named.
+    """
     why = asked("why")
+    assert why == asked("why", "hi-1-1")
     plans, went = told(why, "why these plans"), told(why, "how they went")
     assert [text for text in plans if text.startswith("co asked")] == [
         "co asked pl for plan 1: pour jar bowl",
@@ -44,12 +44,11 @@ def test_why_two_plans() -> None:
     assert went[1].startswith("ta ended plan 2 with Succeeded after 2 acts")
 
 
-@pytest.mark.parametrize("name", ["jar", "jar_1"])
-def test_what_is_believed_of_a_thing_is_what_ask_answers(name: str) -> None:
+def test_what_is_believed_of_a_thing_is_what_ask_answers() -> None:
     """The place, the time since when, and the observer are the same in both."""
     query = "SELECT ?where ?since WHERE { GRAPH ?said { thing:jar_1 roco:isIn ?where } ?said roco:toldAt ?since }"
     (row,) = asked("ask", query, "--at", "12")["results"]["bindings"]
-    why = asked("why", name, "--at", "12")
+    why = asked("why", "jar_1", "--at", "12")
     facts = why["passages"][0]["facts"]
     at = next(n for n, fact in enumerate(facts) if "it is in cabinet 2" in fact["text"])
     assert facts[at]["at"] - why["begin"] == pytest.approx(float(row["since"]["value"]), abs=0.002)

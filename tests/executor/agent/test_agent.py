@@ -7,7 +7,7 @@ import pytest
 from pretended_robot import Robot, World
 from scripted_partner import Open, Say, partner
 
-from agent_runtime.testing.wires import Point, Wires
+from agent_runtime.testing.memory_bus import MemoryBus, Point
 from companion.binding import wiring
 from companion.languages import rc
 from companion.languages.facts import Kind, fact
@@ -15,7 +15,7 @@ from companion.languages.values import Pose, Side
 from companion.tasks.pour.done import Pour
 from fipa_codec.performatives import Performative as P
 from services.executor import behaviours
-from services.executor.words import wrong
+from services.executor.outgoing_messages import wrong
 
 MOVE = rc.MoveJoint("m1", Side.LEFT, ((0.0,) * 8,), 0.3)
 GRASP = rc.Grasp("g1", Side.LEFT, "jar_1", "g", (rc.ApproachPoint(Pose((0.0, 0.0, 0.0)), 0.5),), 0.1, 0.3, 0.2)
@@ -25,7 +25,7 @@ class Scene:
     """ex and a scripted ta."""
 
     def __init__(self, looks: bool = False) -> None:
-        self.wires, self.world = Wires(), World()
+        self.wires, self.world = MemoryBus(), World()
         self.heard: list[tuple[int, str, Any]] = []
         self.wires.add(partner("ta", self.heard), wiring("ta", "test"))
 

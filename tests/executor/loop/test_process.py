@@ -324,7 +324,7 @@ def test_a_stop_over_http_is_obeyed_though_the_agent_hangs(pair):
         assert Hi(desk.address).say("halt").state == "stopped"
         loop.turn()
         assert agent.state().mode is Mode.STOPPED
-        assert Hi(desk.address).release().state == "released"
+        assert Hi(desk.address).hold(False).state == "released"
         for _ in range(510):
             loop.turn()
         assert agent.state().mode is Mode.MOTION

@@ -9,6 +9,9 @@ from typer.testing import CliRunner
 from operate.cli.__main__ import app
 from operate.cli.runs import compare
 from operate.cli.terminal.console import Console
+from operate.experiments.comparing import Compared, Diverged, Divergence, Verdict
+from operate.experiments.intervals import Interval
+from operate.experiments.run_figures import Said
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 
@@ -75,34 +78,25 @@ def test_what_is_no_set_of_runs_is_wrong_use(tmp_path: Path) -> None:
 
 def test_a_unit_and_an_interval_are_shown() -> None:
     """Brackets would be taken for markup."""
-    row = {"name": "command to end", "kind": "latency", "unit": "s", "verdict": "same", "threshold": 10.0}
-    row |= {"a": {"value": 48.0}, "b": {"value": 50.0}, "percent": 4.2, "low": -1.0, "high": 9.4}
+    sides = (Interval(48.0, None, None, 3), Interval(50.0, None, None, 3))
+    row = Compared("command to end", "latency", "s", *sides, None, 4.2, -1.0, 9.4, 10.0, Verdict.SAME)
     console = Console(width=80, color_system=None)
     with console.capture() as text:
-        console.print(compare.quantities({"rows": [row]}))
+        console.print(compare.quantities((row,)))
     assert "command to end, s" in text.get()
     assert "-1.0 … +9.4" in text.get()
 
 
 def test_the_first_difference_is_shown_in_words() -> None:
     """The conversation, the communicate, and each side's words at the first difference are shown."""
-    said = {
-        "t": 1.5,
-        "sender": "ta",
-        "receiver": "km",
-        "performative": "inform",
-        "text": "seen jar",
-        "kind": "SeenObject",
-    }
-    first = {"of": "km to ta, subscribe", "conversation": 1, "position": 3, "a": said, "b": None}
-    lines = compare.divergences({"diverged": [{"seed": 4, "first": first}, {"seed": 5, "first": None}]})
+    said = Said(1.5, "C6", "ta", "km", "subscribe", "inform", "km-1-1", "SeenObject", 300, "seen jar")
+    first = Divergence("km to ta, subscribe", 1, 3, said, None)
+    lines = compare.divergences((Diverged(4, first), Diverged(5, None)))
     assert lines[0].startswith("what was said differs in 1 of 2 seeds")
     assert "seed 4: km to ta, subscribe, conversation 1, communicate 3" in lines[1]
     assert lines[2].endswith("A: 1.50 s  ta > km  inform  seen jar")
     assert lines[3].endswith("B: nothing more")
-    assert compare.divergences({"diverged": [{"seed": 4, "first": None}]}) == [
-        "the same was said in 1 run of each side"
-    ]
+    assert compare.divergences((Diverged(4, None),)) == ["the same was said in 1 run of each side"]
 
 
 @pytest.mark.parametrize("form", ["text", "json"])

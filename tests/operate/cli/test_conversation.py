@@ -96,7 +96,8 @@ def test_a_drawing_fits_the_terminal(run_dir: Path, name: str, columns: int) -> 
     [one] = [one for one in conversation.conversations(told(run_dir), DESIGN) if one.id == name]
     lines = sequence.drawn(one.said, one.initiator, one.participant, columns).plain.splitlines()
     assert max(map(cell_len, lines)) <= columns
-    assert len({(line.index("│"), line.rindex("│")) for line in lines[1:]}) == 1
+    columns = [[at for at, letter in enumerate(line) if letter in "│├┤"] for line in lines[1:]]
+    assert len({(found[0], found[-1]) for found in columns}) == 1
 
 
 def test_what_is_wrong_is_marked_with_its_reason() -> None:

@@ -1,8 +1,7 @@
-"""`roco design export`: files for spin and for Petri net tools, of any design file."""
+"""`roco design export`: files for spin, of any design file."""
 
 import json
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -29,32 +28,32 @@ def test_one_use_goes_to_one_file(tmp_path: Path) -> None:
     assert f"spin -a -o1 -o2 {file}" in said.stdout.replace("\n", "")
 
 
-def test_a_pair_goes_to_a_folder_as_nets(tmp_path: Path) -> None:
-    """Both uses between ta and ex that have a small net; each is XML with places and a marking."""
-    said = export("--pnml", str(tmp_path / "nets"), "--pair", "co-ta", "--use", "generate_plan", "--format", "json")
+def test_a_pair_goes_to_a_folder(tmp_path: Path) -> None:
+    """Both uses that are meant, each in a file of its own."""
+    said = export(
+        "--promela", str(tmp_path / "models"), "--pair", "co-ta", "--use", "generate_plan", "--format", "json"
+    )
     assert said.exit_code == 0, said.output
     written = json.loads(said.stdout)
     assert [one["use"] for one in written] == ["generate_plan", "execute_plan"]
     for one in written:
-        net = ElementTree.parse(one["file"]).getroot()
-        assert sum(element.tag.endswith("initialMarking") for element in net.iter()) == one["variables"] + one["queues"]
+        assert Path(one["file"]).read_text() == promela(net_of(DESIGN, one["use"], 0))
 
 
 def test_another_design_is_exported_whole(tmp_path: Path) -> None:
     """Nothing of the companion is needed."""
-    said = export(str(LAMP), "--promela", str(tmp_path), "--pnml", str(tmp_path), "--ideal")
+    said = export(str(LAMP), "--promela", str(tmp_path), "--ideal")
     assert said.exit_code == 0, said.output
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["switch.pml", "switch.pnml"]
+    assert [path.name for path in tmp_path.iterdir()] == ["switch.pml"]
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "nothing to write; name a file or a folder with --promela or --pnml"),
+        ([], "nothing to write; name a file or a folder with --promela"),
         (["--promela", "x.pml", "--use", "dance"], "execute_plan"),
         (["--promela", "x.pml", "--pair", "co"], "write two agents with - between"),
         (["--promela", "x.pml", "--pair", "hi-ex"], "hi-co"),
-        (["--pnml", "x.pnml", "--use", "watch_robot", "--faults", "2"], "is the most"),
     ],
 )
 def test_what_is_wrong_is_said_with_what_would_be_right(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from companion.design import DESIGN
 from companion.run_files import TaskLine
 from companion.tools.system import SYSTEM
-from companion.tools.verbs import main_job
+from companion.tools.verbs import pour_run
 from operate.cli.fleet import state_words
 from operate.cli.terminal import draw, run_state
 from operate.cli.terminal.console import Console
@@ -161,7 +161,7 @@ def test_a_reason_can_be_read_whole() -> None:
     text = console.export_text()
     assert " ".join(text.split()).count(REASON) == 2
     assert len(text.splitlines()) < console.height
-    said = main_job.verdict(main_job.Report(success=False, failure=REASON), Path("run"), 80).splitlines()
+    said = pour_run.verdict(pour_run.Report(success=False, failure=REASON), Path("run"), 80).splitlines()
     assert max(map(len, said)) <= 80
     assert " ".join(" ".join(said[:-1]).split()) == f"no success: {REASON}"
 

@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from companion.run_files import HI_FILE, PAGE_FILE, HiAddress, PageAddress, Problem
-from companion.tools.verbs import listener_start, talk
+from companion.tools.verbs import hi, talk
 from operate.cli.__main__ import app
 from operate.cli.fleet import starting
 from operate.cli.runs import folders
@@ -31,6 +31,8 @@ Act = Callable[[], None]
 
 class Clock:
     """In place of `time` in the verb: what is to happen while it waits happens there, one thing at each pause."""
+
+    localtime, time = staticmethod(time.localtime), staticmethod(time.time)
 
     def __init__(self) -> None:
         self.now, self.pauses = 0.0, 0
@@ -50,7 +52,7 @@ class Clock:
 def clock(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Clock:
     """The time of the verb, in a place without runs and containers."""
     made = Clock()
-    monkeypatch.setattr(listener_start, "time", made)
+    monkeypatch.setattr(hi, "time", made)
     monkeypatch.setattr("operate.cli.fleet.compose.projects", lambda **_: ())
     monkeypatch.delenv("ROCO_RUN_DIR", raising=False)
     monkeypatch.delenv("ROCO_CONNECT", raising=False)
@@ -179,14 +181,14 @@ def test_the_wait_ends(clock, called, tmp_path: Path) -> None:
     told(run, ProcessState.STARTING, called("services.supervisor"))
     done = say("--run-dir", run)
     assert done.exit_code == 3
-    assert clock.now == pytest.approx(listener_start.STARTING_S, abs=1.0)
+    assert clock.now == pytest.approx(hi.STARTING_S, abs=1.0)
     assert "still starting after 90 s; see `roco status`" in done.stderr
 
 
 def test_in_a_container_a_hi_itself_is_looked_for(clock, called, pretend, tmp_path: Path, monkeypatch) -> None:
     """There is no supervisor, and no run folder until a_hi makes it."""
     run = tmp_path / "run"
-    mine = listener_start.HUMAN_INTERFACE._replace(module="services.a_hi_of_this_test")  # others may have a fleet here
+    mine = hi.HUMAN_INTERFACE._replace(module="services.a_hi_of_this_test")  # others may have a fleet here
     monkeypatch.setattr(talk, "HUMAN_INTERFACE", mine)
     monkeypatch.setenv("ROCO_CONNECT", "tls/router:7447")
     monkeypatch.setenv("ROCO_RUN_DIR", str(run))

@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 
 from companion.design import DESIGN
 from operate.cli.__main__ import app
-from operate.cli.terminal.lifelines import LEAST, Lifelines
+from operate.cli.terminal.sequence import LEAST, Lifelines
 from operate.cli.traffic.sniff import arrows, speakers
 from operate.filters import Filter
 from operate.run_folder import Judged
-from topdown.draw.lifelines import Arrow, draw
+from topdown.draw.sequence import Arrow, Columns, Diagram, draw
 from topdown.judge.verdicts import Verdict
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
@@ -40,28 +40,25 @@ def roco(*words: str, columns: int = 120, code: int = 0) -> str:
 @given(
     st.sampled_from(AGENTS),
     st.sampled_from(AGENTS),
-    st.integers(20, 300),
+    st.integers(12, 60),
     st.sampled_from(["agree", "accept-proposal"]),
 )
-def test_an_arrow_goes_from_the_sender_to_the_receiver(one: str, other: str, width: int, act: str) -> None:
+def test_an_arrow_goes_from_the_sender_to_the_receiver(one: str, other: str, gap: int, act: str) -> None:
     """At any width: it begins at the one's lifeline, its head is beside the other's, the others go on."""
-    lives = Lifelines(AGENTS, width)
-    cells = f"{'':9}{lives.arrow(one, other, act)}"
+    columns = Columns(AGENTS, gap)
+    cells = columns.arrow(one, other, act)
     if one == other:
-        assert not cells.strip()
+        assert not cells
         return
-    forth = lives.at[one] < lives.at[other]
-    assert cells[lives.at[one]] == ("├" if forth else "┤")
-    assert cells[lives.at[other] + (-1 if forth else 1)] == ("▶" if forth else "◀")
-    assert cells[lives.at[other]] == "│"
+    low, high = sorted((columns.at[one], columns.at[other]))
+    forth = columns.at[one] == low
+    assert cells[columns.at[one]] == ("├" if forth else "┤")
+    assert cells[columns.at[other] + (-1 if forth else 1)] == ("▶" if forth else "◀")
+    assert cells[columns.at[other]] == "│"
     assert (cells.count("▶"), cells.count("◀")) == ((1, 0) if forth else (0, 1))
-    outside = [
-        at
-        for name, at in lives.at.items()
-        if not min(lives.at[one], lives.at[other]) <= at <= max(lives.at[one], lives.at[other])
-    ]
+    outside = [at for at in columns.at.values() if not low <= at <= high]
     assert [cells[at] for at in outside] == ["│"] * len(outside)
-    assert len(cells) == lives.end
+    assert len(cells) == columns.width
     assert act[:4] in cells
 
 
@@ -79,8 +76,8 @@ def test_names_stand_above_their_lifelines() -> None:
     lives = Lifelines(AGENTS, 100)
     heading = lives.heading().plain
     assert heading.split() == list(AGENTS)
-    for name, at in lives.at.items():
-        assert abs(heading.index(name) + len(name) / 2 - at) <= 1
+    for name, at in lives.columns.at.items():
+        assert abs(heading.index(name) + len(name) / 2 - lives.first - at) <= 1
 
 
 def test_what_has_no_lifeline_is_a_remark() -> None:
@@ -97,7 +94,9 @@ def test_what_is_not_as_designed_is_told_in_words() -> None:
     shown = Lifelines(AGENTS, 120).row(WRONG, 100.0, 60).plain
     assert "OUT OF SEQUENCE" in shown
     assert shown.endswith("\n          it may say nothing in done")
-    assert "OUT OF SEQUENCE: it may say nothing in done" in draw(AGENTS, arrows([ASKED, WRONG]), "").svg()
+    assert (
+        "OUT OF SEQUENCE: it may say nothing in done" in draw(Diagram("", AGENTS, tuple(arrows([ASKED, WRONG])))).svg()
+    )
 
 
 def test_time_is_since_the_first_line_also_backwards() -> None:
@@ -151,17 +150,17 @@ def test_a_drawing_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> 
 
 def test_of_the_drawing_no_label_lies_on_another() -> None:
     """Neither in a row nor between rows."""
-    said = [
+    said = tuple(
         Arrow(
-            0.1 * n,
             AGENTS[n % len(AGENTS)],
             AGENTS[(n + 1 + n % 4) % len(AGENTS)],
             "accept-proposal",
             "C5 200 B and more" * 3,
+            at=0.1 * n,
         )
         for n in range(40)
-    ]
-    labels = draw(AGENTS, said, "").labels
+    )
+    labels = draw(Diagram("", AGENTS, said)).labels
     assert len(labels) == len(AGENTS) + 3 * 40
     met = [(a, b) for n, a in enumerate(labels) for b in labels[:n] if a.meets(b)]
     assert met == []

@@ -16,7 +16,7 @@ from operate.cli.__main__ import app
 from operate.cli.traffic import echo, listen
 from operate.cli.traffic.listen import Said, recorded, said
 from operate.cli.traffic.play import moved
-from operate.cli.traffic.rate_tables import Tally
+from operate.cli.traffic.rates import Tally
 from operate.cli.traffic.replay import factor, narrowed
 from operate.filters import Filter, UnknownNameError, checked
 from operate.quantiles import quantile, tail

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,14 @@ import msgspec
 import pytest
 from msgspec.msgpack import encode as pack
 from msgspec.structs import replace
+from typer.testing import CliRunner
 
 from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.core.events import Arrived
-from agent_runtime.io.step_replay import Parted, Put
-from agent_runtime.io.steplog import HEAD, fingerprint, read
+from agent_runtime.io.steplog import HEAD, Parted, Put, fingerprint, read
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
+from operate.cli.__main__ import app
 from operate.cli.traffic.verify import Kept, first
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
@@ -28,13 +30,22 @@ POUR, DEPOT = (ROOT / "tests/histories" / f"verified_{name}" for name in ("pour_
 MEANT = "an agent puts out something else than in a recorded run; if that is meant: scripts/record-histories"
 
 
-def verify(run: Path, *words: str, folder: Path = ROOT, code: int = 0) -> Any:
+def told(code: int, wanted: int, out: str, error: str) -> Any:
+    """What a verb told, whose exit code must be the wanted one."""
+    assert code == wanted, f"{MEANT}\n{out}{error}"
+    return json.loads(out) if out else error
+
+
+@pytest.fixture
+def verify(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     """Run a history again with the system of a folder; the exit code must be `code`."""
-    command = [sys.executable, "-m", "operate.cli", "replay", str(run), "--verify", *words, "--format", "json"]
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
-    done = subprocess.run(command, cwd=folder, env=kept, capture_output=True, text=True, timeout=110, check=False)
-    assert done.returncode == code, f"{MEANT}\n{done.stdout}{done.stderr}"
-    return json.loads(done.stdout) if done.stdout else done.stderr
+
+    def again(run: Path, *words: str, folder: Path = ROOT, code: int = 0) -> Any:
+        monkeypatch.chdir(folder)
+        done = CliRunner().invoke(app, ["replay", str(run), "--verify", *words, "--format", "json"])
+        return told(done.exit_code, code, done.stdout, done.stderr)
+
+    return again
 
 
 # --- recorded histories -----------------------------------------------------------------------------------------------
@@ -44,14 +55,17 @@ def verify(run: Path, *words: str, folder: Path = ROOT, code: int = 0) -> Any:
 @pytest.mark.timeout(180)
 def test_the_agents_of_a_pour_put_out_the_same_bytes() -> None:
     """Every step of co, hi, km, pl and ta of a run over Zenoh."""
-    found = verify(POUR, "--seed", "7")
+    command = [sys.executable, "-m", "operate.cli", "replay", str(POUR), "--verify", "--seed", "7", "--format", "json"]
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
+    done = subprocess.run(command, cwd=ROOT, env=kept, capture_output=True, text=True, timeout=110, check=False)
+    found = told(done.returncode, 0, done.stdout, done.stderr)
     assert [one["agent"] for one in found] == ["co", "hi", "km", "pl", "ta"]
     assert all(one["difference"] is None and one["steps"] > 20 for one in found)
 
 
 @pytest.mark.process
 @pytest.mark.timeout(180)
-def test_another_system_with_two_deaths_and_a_parameter() -> None:
+def test_another_system_with_two_deaths_and_a_parameter(verify: Callable[..., Any]) -> None:
     """Two agents were killed and lived again; all that they said is in the recording, to the byte."""
     found = {one["agent"]: one for one in verify(DEPOT, folder=ROOT / "examples/depot")}
     assert [one["lives"] for one in found.values()] == [1, 2, 1, 2, 1]
@@ -60,7 +74,7 @@ def test_another_system_with_two_deaths_and_a_parameter() -> None:
 
 @pytest.mark.process
 @pytest.mark.timeout(60)
-def test_another_seed_is_another_agent() -> None:
+def test_another_seed_is_another_agent(verify: Callable[..., Any]) -> None:
     """pl keeps its seed in its memory: the field of its journal's record, with both values."""
     (one,) = verify(POUR, "--seed", "8", "--agent", "pl", code=1)
     difference = one["difference"]
@@ -100,7 +114,7 @@ def changed(run: Path, agent: str, field: str, value: Any, *, skip: int = 0) -> 
     [("dispatcher", "item", 1, "sends[0].content.item"), ("mule", "item", 0, "tells")],
 )
 def test_a_message_that_says_something_else_is_seen(
-    tmp_path: Path, agent: str, path: str, skip: int, field: str
+    tmp_path: Path, agent: str, path: str, skip: int, field: str, verify: Callable[..., Any]
 ) -> None:
     """Asked for something else, an agent says or writes something else; both are told.
 
@@ -119,7 +133,7 @@ def test_a_message_that_says_something_else_is_seen(
 
 @pytest.mark.process
 @pytest.mark.timeout(60)
-def test_a_recording_that_says_something_else_is_seen(tmp_path: Path) -> None:
+def test_a_recording_that_says_something_else_is_seen(tmp_path: Path, verify: Callable[..., Any]) -> None:
     """A recording that differs from the agent's own output is noticed: another sender, or a changed file."""
     run = tmp_path / "run"
     shutil.copytree(DEPOT, run)
@@ -143,12 +157,12 @@ def test_a_recording_that_says_something_else_is_seen(tmp_path: Path) -> None:
         (("--replace", "pl"), "--verify and --replace are two questions"),
     ],
 )
-def test_wrong_use_is_told(words: tuple[str, ...], said: str) -> None:
+def test_wrong_use_is_told(words: tuple[str, ...], said: str, verify: Callable[..., Any]) -> None:
     """Exit code 2."""
     assert said in verify(POUR, *words, code=2)
 
 
-def test_a_folder_without_logs_is_told(tmp_path: Path) -> None:
+def test_a_folder_without_logs_is_told(tmp_path: Path, verify: Callable[..., Any]) -> None:
     """Exit code 2."""
     assert "has no step logs; give the folder of a run" in verify(tmp_path, code=2)
 

@@ -8,9 +8,9 @@ import msgspec
 
 from companion.tools.report.measures import MEASURES, Plan, PourFigures
 from operate.experiments import results
-from operate.experiments.exchanges import Said
 from operate.experiments.measures import Runs
-from operate.experiments.run_figures import Communicates, Happened, Latency, Result, Setting, Sizes, Spans
+from operate.experiments.run_figures import Happened, Result, Said, Setting
+from operate.reports.counts import Communicates, Latency, Sizes, Spans
 
 Change = Callable[[PourFigures], PourFigures]
 
@@ -41,7 +41,7 @@ def figures(seed: int, noise: random.Random) -> PourFigures:
             Happened("command-received", 4.6, words="command received", sim_s=3.2, channels=("C2",)),
             Happened("finished", 4.6 + wall, words="finished", sim_s=67.0, channels=("C2",)),
         ),
-        latency=(Latency("C3", "generate_plan", 15000.0, Spans(2, 6000.0 * (1.0 + shake), 10000.0, 10200.0)),),
+        latency=(Latency("C3", "generate_plan", 15000.0, Spans(2, 6000.0 * (1.0 + shake), p99=10000.0, max=10200.0)),),
         seed=seed,
         speed="max",
         began=1.7e9 + seed,

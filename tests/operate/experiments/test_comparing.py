@@ -13,9 +13,9 @@ from planted import Change, runs, said, times
 from companion.tools.report.measures import PourFigures
 from operate.experiments import comparing, results
 from operate.experiments.comparing import Compared, Comparison, Verdict
-from operate.experiments.exchanges import Said
 from operate.experiments.measures import Runs
-from operate.experiments.run_figures import Latency, Spans
+from operate.experiments.run_figures import Said
+from operate.reports.counts import Latency, Spans
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 

@@ -15,10 +15,11 @@ from companion.tools.system import SYSTEM
 from companion.tools.telemetry import robot
 from operate.experiments import make, page, results, summary, tables
 from operate.experiments.results import NothingHere
-from operate.experiments.run_figures import Latency, Result, Spans
-from operate.recording import history
+from operate.experiments.run_figures import Result
+from operate.recording.run import opened
 from operate.recording.stored import NoRecordingError
 from operate.reports import report
+from operate.reports.counts import Latency, Spans
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 
@@ -120,7 +121,7 @@ def test_the_99_of_a_hundred_are_of_runs_that_have_a_hundred(count: int, named: 
     """Older reports have that figure of two answers, too; the longest is told of all."""
 
     def answered(one: PourFigures) -> PourFigures:
-        row = Latency("C3", "generate_plan", 15000.0, Spans(count, 6.0, 10.0, 11.0))
+        row = Latency("C3", "generate_plan", 15000.0, Spans(count, 6.0, p99=10.0, max=11.0))
         return msgspec.structs.replace(one, latency=(row,))
 
     rows = {row.name for row in summary.summed(runs(change=answered)).rows}
@@ -151,7 +152,7 @@ def test_a_recorded_run_fills_every_table() -> None:
 
 def test_a_recording_is_exported_as_tables(tmp_path: Path) -> None:
     """Communicates, events, telemetry: the rows of the recording, the same in both formats."""
-    past = history.of(POUR / "traffic.mcap", SYSTEM)
+    past = opened(POUR / "traffic.mcap", SYSTEM).history
     made = tables.of_history(past, SYSTEM)
     assert {name: table.num_rows for name, table in made.items()} == {
         "communicates": len(past.said), "states": len(report.busy(past)), "events": 19, "telemetry": len(robot(past)),
@@ -173,7 +174,7 @@ def test_what_holds_nothing_is_named(tmp_path: Path) -> None:
     with pytest.raises(NothingHere, match="holds no runs; give an experiment's folder"):
         results.load(tmp_path)
     with pytest.raises(NoRecordingError, match="none is not there; give a run folder, or a recording"):
-        history.of(tmp_path / "none", SYSTEM)
+        opened(tmp_path / "none", SYSTEM)
     with pytest.raises(NothingHere, match="`roco experiment` makes one"):
         make.everything(tmp_path)
     (tmp_path / results.RESULTS_FILE).touch()

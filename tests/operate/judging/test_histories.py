@@ -10,7 +10,8 @@ import pytest
 
 from companion.tools.report import report
 from companion.tools.system import SYSTEM
-from operate.recording import history
+from operate.recording.records import Setting
+from operate.recording.run import Run
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 MATRIX = {
@@ -26,7 +27,7 @@ MATRIX = {
 @pytest.fixture(scope="module")
 def told() -> report.Report:
     """The report of the pour."""
-    return report.build(history.load(POUR, SYSTEM))
+    return report.build(Run(POUR, SYSTEM).history)
 
 
 def test_the_pour_is_told_as_it_was(told: report.Report) -> None:
@@ -67,8 +68,8 @@ def test_times_are_those_of_acts(told: report.Report) -> None:
 
 def test_without_a_clock_there_is_no_lateness() -> None:
     """A run that went as fast as it could has no deadlines: no figure is given, rather than zeros."""
-    past = history.load(POUR, SYSTEM)
-    fast = msgspec.structs.replace(past, setting=history.Setting(seed=7, speed="max"))
+    past = Run(POUR, SYSTEM).history
+    fast = msgspec.structs.replace(past, setting=Setting(seed=7, speed="max"))
     loop = report.build(fast).loop
     assert loop is not None
     assert not loop.paced

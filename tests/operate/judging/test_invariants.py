@@ -19,8 +19,8 @@ from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
 from operate.judging import invariants
-from operate.recording import history
 from operate.recording.history import Entered, History
+from operate.recording.run import Run
 from operate.system import Job, System, load
 
 HISTORIES = Path(__file__).parents[2] / "histories"
@@ -73,7 +73,7 @@ def test_what_was_numbered_is_taken_or_waits(said: int, taken: int, waiting: set
 
 def test_a_recorded_run_holds(run: Path, depot: System) -> None:
     """With its size."""
-    checked = invariants.checked(run, depot)
+    checked = invariants.checked(Run(run, depot))
     assert checked.broken == ()
     assert checked.bytes > (run / "traffic.mcap").stat().st_size
 
@@ -82,16 +82,16 @@ def test_a_journal_that_went_back_is_told(run: Path, depot: System) -> None:
     """As after an agent that lost what it had receipted."""
     journalled(run, record("ox", 5, 0, ()))
     journalled(run, record("mule", 0, 5, ()))
-    assert invariants.checked(run, depot).broken == ()
+    assert invariants.checked(Run(run, depot)).broken == ()
     journalled(run, record("mule", 0, 4, ()))
     told = "1 durable messages of ox to mule are lost, the first one has number 5"
-    assert invariants.checked(run, depot).broken == (told,)
+    assert invariants.checked(Run(run, depot)).broken == (told,)
 
 
 def test_a_run_without_a_recording_is_told_by_its_agents(run: Path, depot: System) -> None:
     """Step logs stand in for it: nothing is broken by that."""
     (run / "traffic.mcap").unlink()
-    assert invariants.checked(run, depot).broken == ()
+    assert invariants.checked(Run(run, depot)).broken == ()
 
 
 @pytest.mark.parametrize(("state", "told"), [("flying", True), ("idle", False), ("", False)])
@@ -100,8 +100,8 @@ def test_a_state_that_the_design_does_not_have_is_told(
 ) -> None:
     """Of agents; what processes tell that are none is theirs."""
     past = History(entered=(Entered(1.0, "mule", state), Entered(1.0, "loop", "whirling")))
-    monkeypatch.setattr(history, "load", lambda *_: past)
-    assert [one for one in invariants.checked(run, depot).broken if "was in state" in one] == (
+    monkeypatch.setattr(Run, "history", past)
+    assert [one for one in invariants.checked(Run(run, depot)).broken if "was in state" in one] == (
         ["mule was in state 'flying'"] if told else []
     )
 
@@ -117,19 +117,19 @@ def test_an_agent_that_is_still_busy_when_the_job_is_done_is_told(
         (run / "report.json").write_bytes(msgspec.json.encode({"success": success}))
     resting = msgspec.structs.replace(depot, job=Job(rests={"mule": "idle"}))
     told = state != "idle" and success is not None
-    assert invariants.checked(run, resting).broken == (
+    assert invariants.checked(Run(run, resting)).broken == (
         ("mule was still driving at the end, and not idle",) if told else ()
     )
 
 
 def test_the_robot_s_promises_hold_of_the_recorded_pour() -> None:
     """No act twice, no unknown mode, nothing has fallen."""
-    assert invariants.checked(HISTORIES / "pour_seed_7", SYSTEM).broken == ()
+    assert invariants.checked(Run(HISTORIES / "pour_seed_7", SYSTEM)).broken == ()
 
 
 def test_an_act_that_was_begun_twice_is_told() -> None:
     """By its key; a communicate sent again counts once."""
-    past = history.load(HISTORIES / "pour_seed_7", SYSTEM)
+    past = Run(HISTORIES / "pour_seed_7", SYSTEM).history
     begun = next(one for one in past.said if isinstance(one.content, rc.Accepted))
     twice = msgspec.structs.replace(past, said=(*past.said, begun))
     assert isinstance(begun.content, rc.Accepted)

@@ -10,12 +10,11 @@ from planting import POUR, Traffic, answer_to_nothing, no_communicate, query_too
 from agent_runtime.io.tap import Sample
 from companion.tools.report import report
 from companion.tools.system import SYSTEM
-from operate.judging import rejudge
 from operate.judging.judged import of_live
 from operate.recording import history
-from operate.recording.history import Setting
 from operate.recording.recorder import Recorder
-from operate.recording.records import understood
+from operate.recording.records import Setting, understood
+from operate.recording.run import Run, verdicts
 from operate.recording.stored import NoRecordingError
 from operate.reports import make
 from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Judged, LiveLine, Sent
@@ -68,12 +67,12 @@ def test_verdicts_are_written_as_they_come(told: tuple[Path, list[dict[str, Any]
 def test_afterwards_the_same_is_said(told: tuple[Path, list[dict[str, Any]]]) -> None:
     """The recording judged again gives the lines that were written while it was made."""
     run, _ = told
-    assert list(rejudge.judge(run, SYSTEM)) == sorted(lines(run / VERDICTS_FILE, Judged), key=lambda one: one.t)
+    assert list(verdicts(run, SYSTEM)) == sorted(lines(run / VERDICTS_FILE, Judged), key=lambda one: one.t)
 
 
 def test_lines_for_people_can_be_judged_too(told: tuple[Path, list[dict[str, Any]]]) -> None:
     """live.jsonl has what sequence, size and entitlement need; what was no communicate of the design is not in it."""
-    found = rejudge.judge(told[0] / LIVE_FILE, SYSTEM)
+    found = verdicts(told[0] / LIVE_FILE, SYSTEM)
     assert {one.verdict for one in found if one.violation} == {Verdict.OVER_BUDGET}
     assert sum(one.verdict == Verdict.COPY for one in found) == 4
 
@@ -94,7 +93,7 @@ def test_the_report_tells_what_was_against_the_design() -> None:
     assert {one.verdict for one in judged.violations} == {"out of sequence", "malformed", "over budget"}
     assert sum(judged.verdicts.values()) == judged.communicates == 426
     assert all(one.why and one.t > 0 for one in judged.violations)
-    clean = report.build(history.load(POUR.parent, SYSTEM)).judged
+    clean = report.build(Run(POUR.parent, SYSTEM).history).judged
     assert clean is not None
     assert clean.violations == ()
 
@@ -103,7 +102,7 @@ def test_the_page_shows_it(tmp_path: Path) -> None:
     """The section says that all is as designed, or lists what is not."""
     from companion.tools.report import page
 
-    past = history.load(POUR.parent, SYSTEM)
+    past = Run(POUR.parent, SYSTEM).history
     text = page.rendered(past, report.build(past), "one is slow")
     assert "Nothing against the design; 1 of 424 communicates slow." in text
     assert "communicates as designed" not in text
@@ -122,7 +121,7 @@ def test_a_recorder_that_began_first_knows_beginnings(tmp_path: Path) -> None:
     recorder.begin(Setting(seed=7, speed="1"))
     recorder.finish()
     assert (tmp_path / VERDICTS_FILE).read_bytes() == b""
-    assert make.everything(tmp_path, SYSTEM, lambda *_, **__: None)
+    assert make.everything(Run(tmp_path, SYSTEM), lambda *_, **__: None)
 
 
 @pytest.mark.parametrize("name", ["nothing", "empty.mcap", "empty.jsonl"])
@@ -131,10 +130,10 @@ def test_what_cannot_be_judged_says_so(name: str, tmp_path: Path) -> None:
     if name != "nothing":
         (tmp_path / name).write_bytes(b"")
     if name.endswith("jsonl"):
-        assert rejudge.judge(tmp_path / name, SYSTEM) == ()
+        assert verdicts(tmp_path / name, SYSTEM) == ()
         return
     with pytest.raises(NoRecordingError, match=r"give a "):
-        rejudge.judge(tmp_path / name, SYSTEM)
+        verdicts(tmp_path / name, SYSTEM)
 
 
 def test_another_systems_design_and_languages_are_named(tmp_path: Path) -> None:

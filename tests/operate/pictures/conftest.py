@@ -17,7 +17,7 @@ from operate.recording.records import Record, understood
 
 @pytest.fixture(scope="session")
 def records(pouring: Run) -> list[Record]:
-    """Return the records of the synthetic run."""
+    """The records of the synthetic run."""
     return [understood(sample, SYSTEM) for sample in pouring.samples]
 
 

@@ -14,6 +14,7 @@ from operate.pictures.sheet import Sheet
 from operate.pictures.stage import Drawer, Stage
 from operate.recording import history
 from operate.recording.records import Record
+from operate.recording.run import Run
 
 Row = tuple[str, float, Any]
 
@@ -78,4 +79,4 @@ def live(records: list[Record], begin: float, end: float) -> Noted:
 
 def recorded() -> history.History:
     """A pour that was recorded with the whole fleet."""
-    return history.load(Path(__file__).parents[2] / "histories" / "pour_seed_7", SYSTEM)
+    return Run(Path(__file__).parents[2] / "histories" / "pour_seed_7", SYSTEM).history

@@ -11,7 +11,7 @@ from companion.languages import wm
 from companion.languages.values import Pose, Side
 from companion.telemetry import RobotState
 from companion.tools.beliefs import MOST_APART_MM, Belief
-from companion.tools.pictures.believed import APART, BELIEVED, LABELS, Believed, joints_at, words
+from companion.tools.pictures.believed import APART, BELIEVED, LABELS, Believed, joints_at, label_text
 from companion.tools.pictures.scene import Scene
 from companion.tools.telemetry import truth
 from operate.pictures.happenings import Happening
@@ -50,7 +50,7 @@ def moved(true_past: History) -> tuple[float, Noted]:
 
 
 def texts(sheet: Noted, name: str) -> list[tuple[float, str]]:
-    """Return the labels of a thing."""
+    """The labels of a thing."""
     found = [(at, text) for at, rows in sheet.of(LABELS) for _, text in rows]
     return [(at, text) for at, text in found if text.startswith(f"{name}:")]
 
@@ -104,8 +104,8 @@ def test_what_slipped_from_a_hand_has_its_ghost_there(true_past: History) -> Non
 
 def test_words_leave_out_what_is_not_known() -> None:
     """Nobody told of it; a distance that does not count."""
-    assert words(Belief("lid_1"), 10.0, MOST_APART_MM) == "lid_1: never seen"
-    assert words(Belief("jar_1", "in the left hand", side=Side.LEFT), 1.0, 40.4).endswith("in truth 40 mm away")
+    assert label_text(Belief("lid_1"), 10.0, MOST_APART_MM) == "lid_1: never seen"
+    assert label_text(Belief("jar_1", "in the left hand", side=Side.LEFT), 1.0, 40.4).endswith("in truth 40 mm away")
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from operate.pictures.sheet import images, outlines
 from operate.pictures.stage import Stage
 from operate.recording import history, mcap_file
 from operate.recording.records import House, Record
+from operate.recording.run import Run
 
 FILES = [bytes([k, 2 * k, 255 - k] * 12) for k in (1, 50)]
 SQUARE = (0.5, 0.5, 2.5, 0.5, 2.5, 2.5, 0.5, 2.5)
@@ -90,7 +91,7 @@ def test_pictures_go_through_a_recording(seen: list[Record], tmp_path: Path) -> 
     for record in seen:
         file.add(record)
     file.finish()
-    past = history.load(tmp_path, SYSTEM)
+    past = Run(tmp_path, SYSTEM).history
     assert [one for _, one in pictures(past)] == PICTURES
     assert write(tmp_path / "run.rrd", past, SYSTEM)[CAMERA] == 2
 

@@ -8,8 +8,7 @@ from companion.tools.system import SYSTEM
 from operate.pictures.happenings import of_history
 from operate.pictures.stage import FAULTS, REST, Stage
 from operate.recording import history
-from operate.recording.fault_file import KIND, OPERATOR
-from operate.recording.records import House, Record
+from operate.recording.records import FAULT, OPERATOR, House, Record
 from operate.run_folder import Fault
 
 
@@ -18,7 +17,7 @@ def lines(fault: Fault) -> list[House]:
     waits = msgspec.structs.replace(fault, began=0.0, ended=None, t=fault.began - 1.0)
     begun = msgspec.structs.replace(fault, ended=None, t=fault.began)
     told = [waits, begun, *([fault] if fault.ended is not None else [])]
-    return [House(KIND, OPERATOR, one.target, one.t, msgspec.json.encode(one)) for one in told]
+    return [House(FAULT, OPERATOR, one.target, one.t, msgspec.json.encode(one)) for one in told]
 
 
 @pytest.fixture
@@ -61,4 +60,4 @@ def test_the_history_has_each_fault_once(some: list[Record]) -> None:
     """As its last line has it; the lines are not traffic."""
     past = history.of_records(some, SYSTEM)
     assert [(one.id, one.ended is None) for one in past.faults] == [("a", False), ("b", False), ("c", True)]
-    assert KIND not in past.houses
+    assert FAULT not in past.houses

@@ -25,13 +25,13 @@ LINKS = {link.joint: link for link in robot.links() if link.joint}
 
 
 def plans(past: History) -> list[tuple[float, hfsm.HierarchicalPlan]]:
-    """Return the plans that ta got, each with its time [s after the beginning]."""
+    """The plans that ta got, each with its time [s after the beginning]."""
     given = [one for one in past.said if one.channel == "C1" and isinstance(one.content, hfsm.HierarchicalPlan)]
     return [(one.received - past.begin, one.content) for one in given]
 
 
 def moves(machine: hfsm.Machine) -> list[rc.MoveJoint]:
-    """Return the free motions of a plan, in order."""
+    """The free motions of a plan, in order."""
     return [
         move
         for state in machine.states
@@ -41,7 +41,7 @@ def moves(machine: hfsm.Machine) -> list[rc.MoveJoint]:
 
 
 def plan_of(state: hfsm.ActState) -> hfsm.HierarchicalPlan:
-    """Return a plan of one act."""
+    """A plan of one act."""
     return hfsm.HierarchicalPlan("p", "t", hfsm.Machine("m", initial=state.name, states=(state,)), 1.0, 0)
 
 

@@ -18,7 +18,7 @@ def changed(past: history.History, **fields: object) -> history.History:
 
 
 def poses(sheet: Noted, name: str) -> list[tuple[object, object]]:
-    """Return the poses at which a thing was drawn."""
+    """The poses at which a thing was drawn."""
     return [value for _, value in sheet.of(f"{THINGS}/{name}")]
 
 

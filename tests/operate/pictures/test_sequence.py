@@ -7,9 +7,8 @@ from noted import Noted
 
 from companion.design import DESIGN
 from operate.pictures.colours import CHANNELS, GREY, ORANGE, RED, channel
-from operate.pictures.graph import ring
-from operate.pictures.sequence import APART, ARROWS, HIGH, MOST_LETTERS, ROWS
 from operate.pictures.sheet import flat_arrows
+from operate.pictures.traffic import APART, ARROWS, MOST_LETTERS, ROW_HIGH, ROWS, ring
 from operate.recording.history import History
 
 TOLD_APART = 60.0
@@ -25,7 +24,7 @@ def test_the_last_drawing_has_the_last_communicates(true_past: History, true_she
     lanes = ring(DESIGN)
     for row, (one, ((x, y), (along, down), text, colour)) in enumerate(zip(said, rows, strict=True), 1):
         assert (lanes[round(x / APART)], lanes[round((x + along) / APART)]) == (one.sender, one.receiver)
-        assert (y, down) == (HIGH * row, 0.0)
+        assert (y, down) == (ROW_HIGH * row, 0.0)
         assert text.startswith(f"{one.conversation}: {one.performative}")
         assert len(text) <= MOST_LETTERS
         assert colour == channel(one.channel)

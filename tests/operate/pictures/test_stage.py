@@ -10,6 +10,7 @@ from noted import Noted, live
 
 from companion.design import DESIGN
 from companion.languages import hfsm, rc, sw
+from companion.sentences import at
 from companion.tools import telemetry
 from companion.tools.pictures import robot
 from companion.tools.pictures.acts import DONE, PLANNED
@@ -17,12 +18,11 @@ from companion.tools.pictures.drawers import ACT, LOOP
 from companion.tools.pictures.plan import PLAN
 from companion.tools.pictures.velma import VELMA
 from companion.tools.system import SYSTEM
-from companion.wording import at
 from operate.pictures.blueprint import LIVE_S, YOUNG, axis
 from operate.pictures.file import end_s
-from operate.pictures.graph import GRAPH, positions
 from operate.pictures.happenings import Happening
 from operate.pictures.stage import REST, Stage
+from operate.pictures.traffic import GRAPH, positions
 from operate.recording import history
 from operate.recording.records import Record
 from operate.run_folder import Judged

@@ -8,11 +8,12 @@ import pytest
 
 from agent_runtime.core.state import Outgoing
 from agent_runtime.io.journal import MAGIC, frame
+from agent_runtime.io.steplog import StepLogs
 from agent_runtime.io.tap import Sample
-from agent_runtime.testing.step_logs import StepLogs
 from fipa_codec.communicate import Communicate, encode
 from operate.recording import dead, mcap_file
 from operate.recording.records import Record, Spoken, understood
+from operate.recording.run import Run
 from operate.run_folder import Dead, DeadLetter
 from operate.system import System, here
 
@@ -54,7 +55,7 @@ def add(run: Path, *more: Record) -> None:
 
 def told(run: Path, depot: System) -> list[DeadLetter]:
     """The dead letters an hour after the end of the run."""
-    return dead.of_run(run, depot, records()[-1].received + LATER_S)
+    return dead.letters(Run(run, depot), records()[-1].received + LATER_S)
 
 
 def test_a_run_in_which_all_was_taken_has_none(run: Path, depot: System) -> None:
@@ -125,7 +126,7 @@ def test_a_question_that_never_reached_its_receiver(run: Path, depot: System) ->
     one = msgspec.structs.replace(said("subscribe"), id="desk-7-7", conversation="desk-7-7", sent=end)
     StepLogs(run).said(one, end)
     assert [(one.reason, one.id) for one in told(run, depot)] == [(Dead.NOT_HEARD, "desk-7-7")]
-    assert dead.of_run(run, depot, end + 1.0) == []
+    assert dead.letters(Run(run, depot), end + 1.0) == []
 
 
 @pytest.mark.parametrize(("taken", "letters"), [(6, [7]), (7, [])])
@@ -143,4 +144,4 @@ def test_durable_words_that_were_never_taken(run: Path, depot: System, taken: in
     assert [(each.reason, int(each.id), each.receiver) for each in found] == [
         (Dead.NOT_RECEIPTED, number, "dispatcher") for number in letters
     ]
-    assert dead.of_run(run, depot, one.sent + 1.0) == []
+    assert dead.letters(Run(run, depot), one.sent + 1.0) == []

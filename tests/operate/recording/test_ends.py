@@ -13,14 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent_runtime.io.steplog import MUCH_BYTES
-from agent_runtime.testing.step_logs import StepLogs
+from agent_runtime.io.steplog import MUCH_BYTES, StepLogs
 from fipa_codec.communicate import Communicate
 from operate.judging.judged import of_records
-from operate.recording import ends, mcap_file, reading
+from operate.recording import ends, mcap_file
 from operate.recording.ends import LOST_S, RECEIPT, SURE_S, Ends
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, House, Origin, Record, Spoken, Token, Unpaired
+from operate.recording.run import Run
 from operate.run_folder import STEPS
 from operate.system import here
 
@@ -116,7 +116,7 @@ def test_a_recorder_that_was_killed_misses_nothing_and_repeats_nothing(shares: l
         found = mcap_file.read(run / mcap_file.FILE, SYSTEM)
         assert found.whole
         assert names(one for one in found.records if not _only_said(one)) == names(WHOLE)
-        assert not [one for one in of_records(reading.of_run(run, SYSTEM).records, SYSTEM) if one.violation]
+        assert not [one for one in of_records(Run(run, SYSTEM).records, SYSTEM) if one.violation]
 
 
 def grow(run: Path, share: float) -> None:
@@ -132,7 +132,7 @@ def test_a_large_content_is_stored_once(tmp_path: Path) -> None:
     StepLogs(tmp_path).passed(one, one.sent)
     Recorder(tmp_path, SYSTEM).finish()
     (alone,) = (it for it in mcap_file.read(tmp_path / mcap_file.FILE).records if isinstance(it, Spoken))
-    (whole,) = (it for it in reading.of_run(tmp_path, SYSTEM).records if isinstance(it, Spoken))
+    (whole,) = (it for it in Run(tmp_path, SYSTEM).records if isinstance(it, Spoken))
     assert (alone.lost, alone.size, whole.lost) == (True, whole.size, False)
     assert whole.communicate == one
     assert (tmp_path / mcap_file.FILE).stat().st_size < MUCH_BYTES

@@ -74,11 +74,11 @@ def test_other_tools_count_what_was_recorded(pouring: Run, tmp_path: Path) -> No
             recorder.take(sample)
         recorder.finish()
         assert read(path).whole
-        assert by_rerun(path) == by_mcap(path) == len(read(path).records) >= len(samples)
+        assert by_mcap(path) == len(read(path).records) >= len(samples)
+    assert by_rerun(path) == len(read(path).records)
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-@pytest.mark.process
 @pytest.mark.parametrize("behind", [b"", b"\x05 a record that a kill cut off"], ids=["whole", "torn"])
 def test_a_recording_that_was_not_closed_is_repaired(behind: bytes, records: list[Record], tmp_path: Path) -> None:
     """Nothing that could be read is lost; it says that it was repaired, and what was torn off is kept beside."""
@@ -94,7 +94,7 @@ def test_a_recording_that_was_not_closed_is_repaired(behind: bytes, records: lis
     assert after.records == before.records
     assert not after.whole, "what came after the kill is still not in it"
     assert not contents(other).whole
-    assert by_rerun(other) == by_mcap(other) == len(records)
+    assert by_mcap(other) == len(records)
     kept = [one.read_bytes() for one in tmp_path.glob("*.damaged")]
     assert kept == ([torn] if behind else [])
     assert "nothing to repair" in roco(str(other))
@@ -134,7 +134,6 @@ def test_a_recording_of_an_older_version_is_repaired(tmp_path: Path) -> None:
     assert by_rerun(path) == by_mcap(path) == len(before.records)
 
 
-@pytest.mark.process
 def test_a_recording_that_goes_on_is_left_alone(records: list[Record], tmp_path: Path) -> None:
     """Else what its recorder hears from then on would go to a file that has no name any more."""
     path = tmp_path / mcap_file.FILE
@@ -148,7 +147,6 @@ def test_a_recording_that_goes_on_is_left_alone(records: list[Record], tmp_path:
     assert "nothing to repair" in roco(str(path))
 
 
-@pytest.mark.process
 def test_what_is_no_recording_is_left_alone(tmp_path: Path) -> None:
     """Exit code 2, and the file stays as it is."""
     for number, data in enumerate((b"", b"a text\n", POUR.read_bytes()[:100])):

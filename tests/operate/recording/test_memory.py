@@ -18,12 +18,12 @@ from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
 from operate.judging import live
 from operate.recording import mcap_file
-from operate.recording.history import load
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken, understood
+from operate.recording.run import Run
 from operate.run_folder import VERDICTS_FILE, Happened
-from topdown.judge import conversations, copies
-from topdown.judge.copies import Remembered
+from topdown.judge import conversations
+from topdown.judge.conversations import Remembered
 
 RECORDED = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 PAUSE_S = 1.0
@@ -82,9 +82,14 @@ def grown(recorder: Recorder, again: Again) -> list[int]:
 @pytest.mark.parametrize("channel", ["C4", pytest.param("C3", marks=pytest.mark.long)])  # large content: some ten s
 def test_memory_does_not_grow_with_what_is_said(channel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Judge, live lines and file, with what they remember filled soon."""
-    for module, name in ((copies, "REMEMBERED"), (conversations, "OVER"), (live, "KNOWN"), (tools_live, "STORY")):
+    for module, name in (
+        (conversations, "REMEMBERED"),
+        (conversations, "OVER"),
+        (live, "KNOWN"),
+        (tools_live, "STORY"),
+    ):
         monkeypatch.setattr(module, name, 100)
-    told = [one for one in load(RECORDED, SYSTEM).said if one.channel == channel]
+    told = [one for one in Run(RECORDED, SYSTEM).history.said if one.channel == channel]
     said = [one for one in told if one.conversation == told[0].conversation]
     recorder = Recorder(tmp_path, SYSTEM)
     sizes = grown(recorder, Again(said))
@@ -96,7 +101,7 @@ def test_memory_does_not_grow_with_what_is_said(channel: str, tmp_path: Path, mo
 
 def test_events_are_told_after_older_ones_were_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each command is told once, whether or not the story was cut."""
-    said = [one for one in load(RECORDED, SYSTEM).said if one.channel == "C2"]
+    said = [one for one in Run(RECORDED, SYSTEM).history.said if one.channel == "C2"]
 
     def told() -> list[str]:
         seen = live.Live(SYSTEM)
@@ -124,7 +129,7 @@ def test_the_last_are_remembered(keys: list[int], most: int) -> None:
 
 def test_a_recording_is_gone_on_with_in_little_memory(tmp_path: Path) -> None:
     """Memory of a second monitor at its start does not grow with the size of the first one's recording."""
-    said = [one for one in load(RECORDED, SYSTEM).said if one.channel == "C4"][:2]
+    said = [one for one in Run(RECORDED, SYSTEM).history.said if one.channel == "C4"][:2]
     peaks = []
     for blocks in (1, 4):
         path = tmp_path / str(blocks) / mcap_file.FILE

@@ -1,18 +1,27 @@
 """Files that are no recording, or several, or out of order: every verb says so, or reads what is there."""
 
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from planting import POUR
+from typer.testing import CliRunner
 
 from companion.tools.asking import known
 from companion.tools.system import SYSTEM
-from operate.recording import mcap_file, reading
+from operate.cli.__main__ import app
+from operate.recording import mcap_file
 from operate.recording.records import Spoken
+from operate.recording.run import opened
+
+VERBS = (
+    ("export", "--out", "tables"),
+    ("report",),
+    ("ask", "SELECT ?s WHERE { ?s ?p ?o }", "--run"),
+    ("traffic", "judge"),
+    ("record", "info"),
+    ("replay",),
+)
 
 
 def planted(folder: Path, content: bytes) -> Path:
@@ -28,36 +37,22 @@ def in_a_run(folder: Path, content: bytes) -> Path:
     return folder
 
 
-@pytest.mark.process
-@pytest.mark.timeout(120)
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["export", "--out", "tables"],
-        ["report"],
-        ["ask", "SELECT ?s WHERE { ?s ?p ?o }", "--run"],
-        ["traffic", "judge"],
-        ["record", "info"],
-        ["replay"],
-    ],
-    ids=lambda words: words[0],
-)
 @pytest.mark.parametrize("place", [planted, in_a_run])
 def test_what_is_no_recording_is_said_by_every_verb(
-    words: list[str], place: Callable[[Path, bytes], Path], tmp_path: Path
+    place: Callable[[Path, bytes], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Text, or nothing at all: exit code 2, the file, and what to give; nothing is written."""
     (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path)
+    wrong = []
     for content in (b"hello\n", b""):
         file = place(tmp_path / "here", content)
-        environment = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_RUN")}
-        done = subprocess.run(
-            [sys.executable, "-P", "-m", "operate.cli", *words, str(file)],
-            cwd=tmp_path, env=environment, capture_output=True, text=True, check=False, timeout=60,
-        )  # fmt: skip
-        assert (done.returncode, done.stdout) == (2, ""), done
-        assert "here/" in done.stderr
-        assert "give " in done.stderr
+        for words in VERBS:
+            done = CliRunner().invoke(app, [*words, str(file)])
+            told = "here/" in done.stderr and "give " in done.stderr
+            if (done.exit_code, done.stdout, told) != (2, "", True):
+                wrong.append((words, content, done.exit_code, done.output, done.exception))
+    assert wrong == []
     assert [one.name for one in tmp_path.iterdir()] == ["here"]
 
 
@@ -76,7 +71,7 @@ def test_the_order_in_the_file_does_not_matter(tmp_path: Path) -> None:
     for record in reversed(mcap_file.read(POUR).records):
         reversed_file.add(record)
     reversed_file.finish()
-    one, other = reading.of(POUR, SYSTEM), reading.of(tmp_path / "some.mcap", SYSTEM)
+    one, other = opened(POUR, SYSTEM), opened(tmp_path / "some.mcap", SYSTEM)
     said = [[(it.sender, it.id) for it in found.records if isinstance(it, Spoken)] for found in (one, other)]
     assert said[0] == said[1]
     assert known(POUR).words == known(tmp_path / "some.mcap").words

@@ -16,7 +16,7 @@ import zenoh
 from synthetic import Run
 
 from agent_runtime.io.sessions import client_config, free_endpoint
-from agent_runtime.testing.step_logs import StepLogs
+from agent_runtime.io.steplog import StepLogs
 from fipa_codec.communicate import Communicate, decode
 from operate.pictures.viewer_address import SWITCH
 from operate.recording import mcap_file
@@ -147,8 +147,7 @@ def events(log: Path) -> list[dict[str, Any]]:
     return [line for line in lines if line["event"] in ("recording", "showing")]
 
 
-@pytest.mark.parametrize("attempt", range(3))
-def test_a_recorder_that_is_frozen_ends_when_it_goes_on(processes: Processes, attempt: int) -> None:
+def test_a_recorder_that_is_frozen_ends_when_it_goes_on(processes: Processes) -> None:
     """It is told to end meanwhile; the system may hand the signal to a thread that runs no handlers."""
     monitor = processes.start("services.monitor", "monitor")
     for number in (signal.SIGSTOP, signal.SIGTERM, signal.SIGCONT):

@@ -27,7 +27,7 @@ def file(tmp_path_factory: pytest.TempPathFactory, pouring: Run) -> Path:
     for sample in pouring.samples:
         keeper.take(sample)
     keeper.take(msgspec.structs.replace(pouring.samples[0], key="roco/roco/C1/x/y/z/w", data=b"\xc1"))
-    keeper._add(Unpaired("co", "ta", "request", "request", "co-1-1", "1", True, "other words", 1.0))
+    keeper._recording.add(Unpaired("co", "ta", "request", "request", "co-1-1", "1", True, "other words", 1.0))
     keeper.finish(0)
     return path
 
@@ -86,7 +86,8 @@ def test_a_filtered_recording_says_so(tmp_path: Path, pouring: Run) -> None:
     for sample in pouring.samples:
         if not keeper.over:
             keeper.take(sample)
-    kept = keeper.finish(0)
+    kept, unindexed = keeper.finish(0)
+    assert unindexed == ""
     records = mcap_file.read(path).records
     assert [one.channel for one in records if isinstance(one, Spoken)] == ["C4"] * 5
     assert (kept.communicates, kept.records, kept.bytes) == (5, len(records), path.stat().st_size)

@@ -23,8 +23,9 @@ import sys
 from pathlib import Path
 from operate.reports import make
 from operate.system import of_run
+from operate.recording.run import Run
 run = Path(sys.argv[1])
-assert make.everything(run, of_run(run), lambda *_, **__: None)
+assert make.everything(Run(run, of_run(run)), lambda *_, **__: None)
 print([name for name in sys.modules if name.partition(".")[0] in ("companion", "velma", "services")])
 """
 

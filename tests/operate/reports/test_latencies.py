@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
-from operate.recording import history, reading
+from operate.recording import history
 from operate.recording.ends import Hearing
 from operate.recording.records import House, Record, Spoken, Token
+from operate.recording.run import Run
 from operate.reports import counts, page
 from operate.reports.counts import Latency, Spans
 from operate.run_folder import STEPS
@@ -31,7 +32,7 @@ def depot() -> System:
 @pytest.fixture(scope="module")
 def heard(depot: System) -> tuple[Record, ...]:
     """The record of a run."""
-    return reading.of_run(DEPOT, depot).records
+    return Run(DEPOT, depot).records
 
 
 def told(heard: tuple[Record, ...], depot: System) -> dict[tuple[str, str], Spans]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 
-import agent_runtime.io.keys
+import agent_runtime.io.issuing
 from agent_runtime.io import issuing, reaching
 from agent_runtime.io.secured import rights_of
 from companion.tools.system import SYSTEM
@@ -155,7 +155,7 @@ def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
 
 def test_the_time_they_hold_is_said_once() -> None:
     """The supervisor names it before the module is loaded that makes keys."""
-    assert agent_runtime.io.keys.DAYS == DAYS
+    assert agent_runtime.io.issuing.DAYS == DAYS
 
 
 @pytest.mark.parametrize("hours", [-1, -30, 24 * 6.5, 24 * 400])

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from companion.tools.system import SYSTEM
-from operate.recording import traced
+from operate.recording.run import opened
 from operate.tracing.otlp import CLIENT, ERROR, SERVER, exported
 from operate.tracing.trace import Message, Span, Trace
 
@@ -17,7 +17,7 @@ HISTORIES = Path(__file__).parents[2] / "histories"
 @pytest.fixture(scope="module", params=["pour_seed_7", "verified_pour_seed_7"])
 def trace(request: pytest.FixtureRequest) -> Trace:
     """The trace of a recorded pour."""
-    return traced.of(HISTORIES / request.param, SYSTEM).trace
+    return opened(HISTORIES / request.param, SYSTEM).trace
 
 
 def spans_of(request: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:

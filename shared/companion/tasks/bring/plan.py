@@ -4,8 +4,7 @@ from companion.languages import hfsm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.planning.methods import Known, Subtasks
-from companion.planning.places import Surfaces
-from companion.planning.placing import above, retreating
+from companion.planning.placing import Surfaces, above, retreating
 from companion.planning.registry import Argument, Plan, each_hand, each_try
 from companion.planning.situation import configured
 from companion.planning.steps import Geometry, Step, move
@@ -31,7 +30,7 @@ def hold_out_at_try(known: Known, km: str, number: str, name: str, hand: Side) -
 
 
 def offer(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """Return the step that holds the object over a place where it can be put down."""
+    """The step that holds the object over a place where it can be put down."""
     here = geometry.at(state)
     held = here.held[side]
     found = above(geometry, here, side, retreating(geometry, state, held.object, held.grasp), Surfaces())

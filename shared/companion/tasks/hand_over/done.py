@@ -39,8 +39,8 @@ class HandOverKind(AnyKind):
     NO_PLACE_TO_HAND_OVER = "no-place-to-hand-over", "side a"
 
 
-def told(command: HandOver, done: Done) -> Facts:
-    """Return that it was handed over, and whether it was felt and seen to leave."""
+def outcome_facts(command: HandOver, done: Done) -> Facts:
+    """Facts that it was handed over, and whether it was felt and seen to leave."""
     by = next((one.by for one in done.evidence if one.claim is HandOverClaim.GIVEN), ())
     felt = (fact(HandOverKind.FELT_LEAVING, command.side, command.object),) if Sense.WRIST in by else ()
     seen = HandOverKind.SEEN_LEAVING if Sense.EYES in by else HandOverKind.NOT_SEEN_LEAVING
@@ -48,9 +48,19 @@ def told(command: HandOver, done: Done) -> Facts:
 
 
 def sights(command: HandOver, done: Done) -> tuple[AnySight, ...]:
-    """Return what km is told: a person has it now."""
+    """What km is told: a person has it now."""
     return (GivenObject(object=command.object, side=command.side),)
 
 
 _GIVEN = Check(HandOverClaim.GIVEN, "object", (Sense.WRIST, Sense.EYES), Otherwise.FAILED)
-ACTS = (ActRow(HandOver, (THERE, _GIVEN), rest_s=10.0, handles=True, told=told, remembered=True, sights=sights),)
+ACTS = (
+    ActRow(
+        HandOver,
+        (THERE, _GIVEN),
+        rest_s=10.0,
+        handles=True,
+        outcome_facts=outcome_facts,
+        remembered=True,
+        sights=sights,
+    ),
+)

@@ -74,14 +74,14 @@ def _give(here: Situation, command: HandOver, at: pin.SE3) -> Skill:
         here.noted = gone = _gone(here, command, sensed, at)
         if gone >= {Sense.WRIST, Sense.EYES}:
             break
-    fell = next((one for one in sensed.sights if one.name == name and _below(one.T_world_object, at)), None)
-    if fell is not None:
+    fell = next((one for one in sensed.sights if one.name == name), None)
+    if fell is not None and fell.T_world_object.translation[2] < at.translation[2] - BELOW_M:
         raise NotPossible(rc.NotDoneKind.LOST, (fact(Kind.LOST, side, name),))
     here.forget(name)
 
 
 def _gone(here: Situation, command: HandOver, sensed: Sensed, at: pin.SE3) -> frozenset[Sense]:
-    """Return which senses tell that the thing is not in the hand any more, where it was at a pose in the world."""
+    """Which senses tell that the thing is not in the hand any more, where it was at a pose in the world."""
     told = set()
     felt = sensed.grips.get(command.side, GripReport())
     if not felt.wrong and felt.mass and felt.mass < command.mass / 2.0:
@@ -94,15 +94,11 @@ def _gone(here: Situation, command: HandOver, sensed: Sensed, at: pin.SE3) -> fr
     return frozenset(told | ({Sense.EYES} if away else set()))
 
 
-def _below(seen: pin.SE3, at: pin.SE3) -> bool:
-    return bool(seen.translation[2] < at.translation[2] - BELOW_M)
-
-
-def _told(here: Situation, command: HandOver, sensed: Sensed, of: str, by: Sense) -> bool:
+def _noted_by(here: Situation, command: HandOver, sensed: Sensed, of: str, by: Sense) -> bool:
     return isinstance(here.noted, frozenset) and by in here.noted
 
 
 TELLS: dict[tuple[AnyClaim, Sense], Tells] = {
-    (HandOverClaim.GIVEN, sense): partial(_told, by=sense) for sense in (Sense.WRIST, Sense.EYES)
+    (HandOverClaim.GIVEN, sense): partial(_noted_by, by=sense) for sense in (Sense.WRIST, Sense.EYES)
 }
 SKILLS = (SkillRow(HandOver, hand_over, carries=True, checked=True, tells=TELLS),)

@@ -15,12 +15,11 @@ import pinocchio as pin
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
-from companion.planning.homing import home
 from companion.planning.methods import Known, Subtasks
 from companion.planning.placing import place, retreating
 from companion.planning.registry import Argument, Plan, each_hand, each_try
 from companion.planning.situation import Situation, configured
-from companion.planning.steps import Geometry, Step, move
+from companion.planning.steps import Geometry, Step, home, move
 from companion.tasks.hand_over.done import HandOver, HandOverKind
 from velma.kinematics import ik
 from velma.kinematics.frames import heading, standing, transform
@@ -33,7 +32,7 @@ WAIT_S = 30.0  # issue
 OVER_M = 0.15  # of the thing's foot above the table: a person's hand has room below it (estimate)
 EDGE_STEP_M = 0.05  # between two points of an edge (estimate)
 OUTWARDS = 0.3  # least cosine between an edge's outward direction and that away from the robot (estimate)
-BEST_M = 0.78  # from the robot, where it puts down and pours well (companion.planning.places)
+BEST_M = 0.78  # from the robot, where it puts down and pours well (companion.planning.placing)
 ASKEW = (0.0, 0.4, -0.4, 0.8, -0.8)  # rad: of the hand from the way away from the robot, best first (estimates)
 GOALS, MOST_POINTS = 6, 30  # postures to choose from, points tried (estimates)
 TORSO = (-1.2, 1.2)  # rad, of the torso, as where things are put down (velma.kinematics.tasks.placing)
@@ -60,7 +59,7 @@ def hand_over_taken(known: Known, km: str, number: str, name: str, hand: Side) -
 
 
 def hand_over(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """Return the step that holds the thing out and gives it to whom pulls; else it is put down, and the plan fails."""
+    """The step that holds the thing out and gives it to whom pulls; else it is put down, and the plan fails."""
     here = geometry.at(state)
     held = here.held[side]
     goals = list(islice(_held_out(geometry, here, side), GOALS))
@@ -90,7 +89,7 @@ def hand_over(geometry: Geometry, state: str, side: Side) -> Step | None:
 
 
 def draw_back(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """Return the step that brings an empty arm home, as slowly as a loaded one: a person is near."""
+    """The step that brings an empty arm home, as slowly as a loaded one: a person is near."""
     found = home(geometry, state, side)
     if found is None:
         return None

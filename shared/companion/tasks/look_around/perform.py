@@ -10,10 +10,8 @@ import numpy as np
 
 from companion.languages import rc
 from companion.skills import motions
-from companion.skills.looking_again import REST_S
-from companion.skills.loop_messages import Motion
 from companion.skills.moving import joining
-from companion.skills.senses import require_sight
+from companion.skills.senses import REST_S, require_sight
 from companion.skills.situation import Situation
 from companion.skills.skill import NotPossible, Sensed, Skill, SkillRow
 from velma import names
@@ -26,20 +24,18 @@ TURNS = (0.4, -0.4)  # [rad] of the torso from where it was; estimate: an arm pa
 def look(here: Situation, command: rc.Look) -> Skill:
     """Look at each point; what is seen there comes back in Sensed. Raises failed if nothing true is seen at the end."""
     for point in command.at:
-        sought = _expected(here, point)
+        near = (name for name, pose in here.seen.items() if np.linalg.norm(pose.translation - point) < THERE_M)
+        sought = {name for name in near if here.holder(name) is None}  # what should stand there
         sensed = yield motions.still(here, command.key, watch=point, settle_s=REST_S)
         for turned in _turned(here) if _unseen(here, sought, sensed) else ():
-            if motion := _turning(here, command.key, turned, point):
-                sensed = yield motion
+            try:
+                path = joining(here, turned)
+            except NotPossible:  # it is not free
+                continue
+            sensed = yield motions.along(here, command.key, path, LOADED_SPEED, watch=point, settle_s=REST_S)
             if not _unseen(here, sought, sensed):
                 break
     require_sight(here)
-
-
-def _expected(here: Situation, point: tuple[float, float, float]) -> set[str]:
-    """Return what should stand at the point."""
-    near = (name for name, pose in here.seen.items() if np.linalg.norm(pose.translation - point) < THERE_M)
-    return {name for name in near if here.holder(name) is None}
 
 
 def _unseen(here: Situation, sought: set[str], sensed: Sensed) -> bool:
@@ -57,15 +53,6 @@ def _turned(here: Situation) -> Iterator[np.ndarray]:
         q[names.TORSO] = first[names.TORSO] + turn
         if names.LOWER[names.TORSO] < q[names.TORSO] < names.UPPER[names.TORSO]:
             yield q
-
-
-def _turning(here: Situation, key: str, q: np.ndarray, point: tuple[float, float, float]) -> Motion | None:
-    """Return the motion to the posture q (15,) that ends with the head on the point; None if it is not free."""
-    try:
-        path = joining(here, q)
-    except NotPossible:
-        return None
-    return motions.along(here, key, path, LOADED_SPEED, watch=point, settle_s=REST_S)
 
 
 SKILLS = (SkillRow(rc.Look, look),)

@@ -2,10 +2,9 @@
 
 from companion.languages import hfsm
 from companion.look_around import POINTS
-from companion.planning.looking import look_at
 from companion.planning.methods import Known, Subtasks
 from companion.planning.registry import Plan
-from companion.planning.steps import Geometry, Step
+from companion.planning.steps import Geometry, Step, look_at
 
 
 def look_around(known: Known, km: str) -> Subtasks | None:
@@ -14,7 +13,7 @@ def look_around(known: Known, km: str) -> Subtasks | None:
 
 
 def points_around(geometry: Geometry, state: str) -> Step:
-    """Return the step that looks at points all around the front. It needs no fact."""
+    """The step that looks at points all around the front. It needs no fact."""
     return look_at(hfsm.Step("look-around"), POINTS)
 
 

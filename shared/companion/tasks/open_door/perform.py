@@ -8,10 +8,10 @@ import pinocchio as pin
 
 from companion.languages.evidence import Sense
 from companion.languages.facts import Kind, fact
-from companion.skills import evidence, motions, own_paths
-from companion.skills.looking_again import missed
+from companion.skills import evidence, motions, moving
 from companion.skills.loop_messages import Close, Open, Until
 from companion.skills.moving import joining, legs, line_ends
+from companion.skills.senses import missed
 from companion.skills.situation import MARGIN_M, Situation
 from companion.skills.skill import (
     Cancelled,
@@ -73,12 +73,12 @@ def _to_handle(here: Situation, side: str, command: OpenDoor) -> Skill:
 
 
 def _middle(leaf: pin.SE3) -> np.ndarray:
-    """Return the place of a leaf's hinge, at half its height: the head sees all of it and the cabinet from there."""
+    """The place of a leaf's hinge, at half its height: the head sees all of it and the cabinet from there."""
     return np.asarray(leaf.translation)
 
 
 def _solved(here: Situation, side: str, command: OpenDoor) -> list[np.ndarray]:
-    """Return postures from the outermost point to the handle, by where the leaf is seen now."""
+    """Postures from the outermost point to the handle, by where the leaf is seen now."""
     poses = [here.seen[command.door] * transform(point.at) for point in command.approach]
     here.set_fingers(side, command.approach[-1].fingers)
     start = ik.solve(here.robot, side, poses[0], here.q, columns=names.ARM[side])
@@ -103,22 +103,19 @@ def _turn(here: Situation, side: str, command: OpenDoor) -> Skill:
     leaf = here.seen[command.door]
     begin = leaf.inverse() * here.robot.grip(here.q, side)
     end = begin if command.end is None else transform(command.end)
-    path = _arc(here, side, command, leaf, end)
+    for room in (MARGIN_M, 0.0):  # with some room where that is possible
+        try:
+            with attaching.room(here.world, room):
+                path = opening.arc(here.robot, here.world, side, here.q, command.door, leaf, command.turn, end)
+            break
+        except ik.PathBlocked as blocked:
+            why = line_ends(blocked)
+    else:
+        raise replan(fact(DoorKind.NOT_TURNED, side, command.door, why))
     try:
         yield motions.along(here, command.key, path, PULL_SPEED, settle_s=SETTLE_S, tolerance_m=BESIDE_M)
     finally:
         here.place(command.door, opening.led(leaf, command.turn, begin, end, here.robot.grip(here.q, side)))
-
-
-def _arc(here: Situation, side: str, command: OpenDoor, leaf: pin.SE3, end: pin.SE3) -> list[np.ndarray]:
-    """Return postures of the turn, with some room where that is possible, else without. Raises replan for none."""
-    for room in (MARGIN_M, 0.0):
-        try:
-            with attaching.room(here.world, room):
-                return opening.arc(here.robot, here.world, side, here.q, command.door, leaf, command.turn, end)
-        except ik.PathBlocked as blocked:
-            why = line_ends(blocked)
-    raise replan(fact(DoorKind.NOT_TURNED, side, command.door, why))
 
 
 def _let_go(here: Situation, side: str, command: OpenDoor) -> Skill:
@@ -131,7 +128,7 @@ def _let_go(here: Situation, side: str, command: OpenDoor) -> Skill:
     first, last = (transform(point.at) for point in (command.approach[0], command.approach[-1]))
     out = here.robot.grip(here.q, side) * last.inverse() * first
     path = backing.way_out(here.robot, here.world, side, here.q, [out])
-    yield from despite_cancel(lambda: motions.along(here, command.key, own_paths.rest(here, path), RETREAT_SPEED))
+    yield from despite_cancel(lambda: motions.along(here, command.key, moving.rest(here, path), RETREAT_SPEED))
 
 
 def _judge(here: Situation, command: OpenDoor, before: pin.SE3) -> Skill:

@@ -11,9 +11,7 @@ import pinocchio as pin
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
-from companion.planning.asking import Asking
-from companion.planning.homing import home
-from companion.planning.methods import Known, Subtasks
+from companion.planning.methods import Asking, Known, Subtasks
 from companion.planning.registry import Each, Plan, each_hand, things
 from companion.planning.situation import DOOR, Situation, configured, on_wire
 from companion.planning.steps import (
@@ -25,6 +23,7 @@ from companion.planning.steps import (
     approach_points,
     free_speed,
     hand_steps,
+    home,
     move,
 )
 from companion.tasks.open_door.done import DoorKind, OpenDoor
@@ -80,7 +79,7 @@ def open_door_with(known: Known, km: str, hand: Side, door: str, around: str) ->
 
 
 def closed(ask: Asking, state: str) -> tuple[tuple[str, str], ...]:
-    """Return the leaves that are not open enough, each with the furniture in whose opening it hangs."""
+    """The leaves that are not open enough, each with the furniture in whose opening it hangs."""
     static = ask(wm.StaticObjects(state=state), wm.Objects).objects
     doors = [one.id for one in static if one.kind == DOOR]
     around = [one.id for one in static if one.kind != DOOR] if doors else []
@@ -94,19 +93,19 @@ def closed(ask: Asking, state: str) -> tuple[tuple[str, str], ...]:
 
 
 def opened(ask: Asking, state: str, door: str, around: str) -> float:
-    """Return how far a leaf is open [rad] at the furniture at which it hangs."""
+    """How far a leaf is open [rad] at the furniture at which it hangs."""
     poses = (transform(ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose) for one in (door, around))
     leaf, body = (heading(pose.rotation[:, 0]) for pose in poses)
     return opens(grasps(ask, state, door)[0]) * math.remainder(leaf - body, math.tau)
 
 
 def grasps(ask: Asking, state: str, door: str) -> tuple[wm.GraspDef, ...]:
-    """Return how a hand may hold the handle of a leaf."""
+    """How a hand may hold the handle of a leaf."""
     return ask(wm.GraspSet(state=state, object=door), wm.Grasps).grasps
 
 
 def opens(grasp: wm.GraspDef) -> float:
-    """Return the sense of rotation about z in which a leaf opens: its handle, in front of it, comes forwards."""
+    """The sense of rotation about z in which a leaf opens: its handle, in front of it, comes forwards."""
     return -math.copysign(1.0, transform(grasp.steps[-1].pose).inverse().translation[1])
 
 
@@ -137,7 +136,7 @@ class _Way:
 
 
 def open_door(geometry: Geometry, state: str, door: str, around: str, side: Side) -> Step | None:
-    """Return the step that opens a leaf with an empty hand, from whose end a way home is found.
+    """The step that opens a leaf with an empty hand, from whose end a way home is found.
 
     None, with the reason noted, where there is none.
     """
@@ -150,26 +149,21 @@ def open_door(geometry: Geometry, state: str, door: str, around: str, side: Side
     for wide, grasp in product(WIDE, known):
         turn = opens(grasp) * (wide - now)
         leaf = _Leaf(door, pose, turn, ENOUGH - now, _ends(grasp, known, turn))
-        step = _by(geometry, here, side, leaf, grasp)
-        if step is not None and home(geometry, geometry.ask.suppose(state, step.changes), side):
+        ways = list(islice(_ways(geometry, here, side, leaf, grasp), TRIED))
+        reached = geometry.free_motion(here, side, [way.path[0] for way in ways], tried=TRIED)
+        if reached is None:
+            continue
+        index, motion = reached
+        lead = move(side, motion, free_speed(here), grasp.steps[0].fingers)
+        step = _opening(geometry, side, leaf, grasp, ways[index], lead, motion.duration)
+        if home(geometry, geometry.ask.suppose(state, step.changes), side):
             return step
     geometry.failed(fact(DoorKind.NO_WAY_TO_OPEN, side, door))
     return None
 
 
-def _by(geometry: Geometry, here: Situation, side: Side, leaf: _Leaf, grasp: wm.GraspDef) -> Step | None:
-    """Return the step that opens a leaf by one grasp; None where none is found."""
-    ways = list(islice(_ways(geometry, here, side, leaf, grasp), TRIED))
-    reached = geometry.free_motion(here, side, [way.path[0] for way in ways], tried=TRIED)
-    if reached is None:
-        return None
-    index, motion = reached
-    lead = move(side, motion, free_speed(here), grasp.steps[0].fingers)
-    return _opening(geometry, side, leaf, grasp, ways[index], lead, motion.duration)
-
-
 def _ends(grasp: wm.GraspDef, known: tuple[wm.GraspDef, ...], turn: float) -> list[pin.SE3]:
-    """Return how the hand may hold the bar after the leaf's turn (T_leaf_grip), best first.
+    """How the hand may hold the bar after the leaf's turn (T_leaf_grip), best first.
 
     By the same grasp, or by another one if the hand then turns less than the leaf: the fingers slide about the bar.
     """
@@ -179,7 +173,7 @@ def _ends(grasp: wm.GraspDef, known: tuple[wm.GraspDef, ...], turn: float) -> li
 
 
 def _about_bar(begin: pin.SE3, end: pin.SE3) -> float:
-    """Return the rotation [rad] about the upright bar between two ways to hold it; 0 if it is about another axis."""
+    """The rotation [rad] about the upright bar between two ways to hold it; 0 if it is about another axis."""
     x, y, z = pin.log3(end.rotation @ begin.rotation.T)
     return float(z) if np.hypot(x, y) < UPRIGHT else 0.0
 
@@ -188,7 +182,9 @@ def _ways(geometry: Geometry, here: Situation, side: Side, leaf: _Leaf, grasp: w
     """Yield ways to open a leaf by this grasp; the fingers are wide afterwards."""
     robot, world, (outer, inner) = geometry.robot, here.world, hand_steps(grasp)
     rng = geometry.rng("open", leaf.name, side, grasp.id)
-    leaf = replace(leaf, ends=_in_reach(geometry, side, leaf))
+    # A turn to an end at which the arm cannot hold the turned leaf's bar would be in vain.
+    after, random = opening.turned(leaf.pose, leaf.turn), geometry.rng("reach", leaf.name, side)
+    leaf = replace(leaf, ends=[end for end in leaf.ends if ik.reachable(robot, side, after * end, random)])
     if not leaf.ends:
         return
     for q in ik.postures(robot, side, leaf.pose * inner[0], here.q, rng, starts=POSTURES):
@@ -200,16 +196,10 @@ def _ways(geometry: Geometry, here: Situation, side: Side, leaf: _Leaf, grasp: w
             yield found
 
 
-def _in_reach(geometry: Geometry, side: Side, leaf: _Leaf) -> list[pin.SE3]:
-    """Return the ends at which the arm can hold the turned leaf's bar; a turn to another one would be in vain."""
-    after, rng = opening.turned(leaf.pose, leaf.turn), geometry.rng("reach", leaf.name, side)
-    return [end for end in leaf.ends if ik.reachable(geometry.robot, side, after * end, rng)]
-
-
 def _way(
     geometry: Geometry, here: Situation, side: Side, leaf: _Leaf, grasp: wm.GraspDef, q: np.ndarray
 ) -> _Way | None:
-    """Return the way by the posture q (15,) at the handle; None where the arm does not follow."""
+    """The way by the posture q (15,) at the handle; None where the arm does not follow."""
     robot, world, (outer, inner) = geometry.robot, here.world, hand_steps(grasp)
     columns = names.COLUMNS[side]
     try:
@@ -225,27 +215,18 @@ def _way(
             continue
         finally:
             world.fingers(side, inner[1])
-        away = _away(geometry, here, side, leaf, turning[-1], end * inner[0].inverse() * outer[0])
-        if away is not None:
-            return _Way([*back[::-1], *turning], away, end)
+        after, out = opening.turned(leaf.pose, leaf.turn), end * inner[0].inverse() * outer[0]
+        with attaching.stood(world, leaf.name, after, side):  # the hand is drawn back from the turned leaf
+            last = [turning[-1], *backing.way_out(robot, world, side, turning[-1], [after * out])][-1]
+            if world.free(last):
+                return _Way([*back[::-1], *turning], last, end)
     return None
-
-
-def _away(
-    geometry: Geometry, here: Situation, side: Side, leaf: _Leaf, q: np.ndarray, out: pin.SE3
-) -> np.ndarray | None:
-    """Return a free posture (15,), the hand drawn back towards `out` (T_leaf_grip) from the turned leaf, or None."""
-    robot, world = geometry.robot, here.world
-    after = opening.turned(leaf.pose, leaf.turn)
-    with attaching.stood(world, leaf.name, after, side):
-        last = [q, *backing.way_out(robot, world, side, q, [after * out])][-1]
-        return last if world.free(last) else None
 
 
 def _opening(
     geometry: Geometry, side: Side, leaf: _Leaf, grasp: wm.GraspDef, way: _Way, lead: rc.MoveJoint, leading: float
 ) -> Step:
-    """Return the step of a solved way; `lead` brings the hand to its start in `leading` seconds."""
+    """The step of a solved way; `lead` brings the hand to its start in `leading` seconds."""
     steps = hand_steps(grasp)
     command = OpenDoor(
         key="",

@@ -61,21 +61,21 @@ def arrived(pour: Pour, done: Done) -> bool:
     return done.arrived is True
 
 
-def told(pour: Pour, done: Done) -> Facts:
-    """Return what was felt to leave, and what was seen to arrive."""
+def outcome_facts(pour: Pour, done: Done) -> Facts:
+    """What was felt to leave, and what was seen to arrive."""
     felt = () if done.weighed is None else _felt(pour, *done.weighed)
     return (*felt, *_looked_into(pour, done))
 
 
 def _felt(pour: Pour, before: float, after: float) -> Facts:
-    """Return how much [kg] was felt to leave a source, and how much to stay in it, to a gram."""
+    """How much [kg] was felt to leave a source, and how much to stay in it, to a gram."""
     rest = after - pour.empty_mass
     still = (fact(PourKind.STILL_IN, pour.source, round(rest, 3)),) if rest > LEAST_WEIGHED_KG else ()
     return (fact(PourKind.LEFT, pour.source, round(before - after, 3)), *still)
 
 
 def _looked_into(pour: Pour, done: Done) -> Facts:
-    """Return how much was seen in the destination then, to ten grams."""
+    """How much was seen in the destination then, to ten grams."""
     name = pour.destination
     if name in done.missing:
         return (fact(Kind.NOT_WHERE_IT_WAS, name),)
@@ -87,7 +87,7 @@ def _looked_into(pour: Pour, done: Done) -> Facts:
 
 
 def sights(pour: Pour, done: Done) -> tuple[AnySight, ...]:
-    """Return what was felt to leave, for km."""
+    """What was felt to leave, for km."""
     if done.weighed is None:
         return ()
     before, after = done.weighed
@@ -100,4 +100,6 @@ _CHECKS = (
     Check(PourClaim.LEFT, "source", (Sense.WRIST, Sense.EYES), Otherwise.SAID),
     Check(PourClaim.ARRIVED, "destination", (Sense.EYES,), Otherwise.FAILED),
 )
-ACTS = (ActRow(Pour, _CHECKS, rest_s=30.0, handles=True, fulfilled=arrived, told=told, sights=sights),)
+ACTS = (
+    ActRow(Pour, _CHECKS, rest_s=30.0, handles=True, fulfilled=arrived, outcome_facts=outcome_facts, sights=sights),
+)

@@ -18,8 +18,7 @@ from companion.planning.situation import Situation, configured
 from companion.planning.steps import Geometry, Step, move
 from companion.tasks.pour.done import Pour, PourKind
 from velma.kinematics.frames import transform
-from velma.kinematics.motion import Motion
-from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, TRIES, Stream, Tilting, stream, tiltings
+from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, TRIES, Stream, stream, tiltings
 from velma.kinematics.tasks.speeds import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 
 HELD_TILT = math.radians(40.0)  # task runs with the true robot model
@@ -34,7 +33,7 @@ SAMPLES, AT_ONCE, ENOUGH = 1500, 30, 2
 
 
 def into_itself(source: str, destination: str) -> Fact | None:
-    """Return why nothing is poured, if both are the same thing."""
+    """Why nothing is poured, if both are the same thing."""
     return fact(PourKind.INTO_ITSELF, source) if source == destination else None
 
 
@@ -153,7 +152,7 @@ def not_likely(geometry: Geometry, state: str, source: str, destination: str, ha
 
 
 def _likely(geometry: Geometry, state: str, source: str, destination: str) -> Side:
-    """Return the hand that is likely to pour, the preferred one if none is likely."""
+    """The hand that is likely to pour, the preferred one if none is likely."""
     here = geometry.at(state)
     for other in geometry.facts.moveable(state):
         if other not in (source, destination, *(held.object for held in here.held.values())):
@@ -183,7 +182,7 @@ def _samples(geometry: Geometry, here: Situation, source: str, destination: str,
 
 
 def pour(geometry: Geometry, state: str, source: str, destination: str, side: Side, tries: int = TRIES) -> Step | None:
-    """Return the step that moves the held source beside the destination, tilts it, holds, and turns it back."""
+    """The step that moves the held source beside the destination, tilts it, holds, and turns it back."""
     here = geometry.at(state)
     found = tiltings(
         geometry.robot,
@@ -198,42 +197,36 @@ def pour(geometry: Geometry, state: str, source: str, destination: str, side: Si
     while some := list(islice(found, TILTINGS)):
         reached = geometry.free_motion(here, side, [t.path[0] for t in some], largest_tilt=HELD_TILT)
         if reached is not None:
-            mass = geometry.model(state, source).mass
-            return _pouring(geometry, side, source, destination, mass, some[reached[0]], reached[1])
+            tilting, way = some[reached[0]], reached[1]
+            command = Pour(
+                key="",
+                side=side,
+                source=source,
+                destination=destination,
+                azimuth=tilting.azimuth,
+                spin=tilting.spin,
+                tilts=(FIRST_TILT, LAST_TILT),
+                hold=HOLD_S,
+                empty_mass=geometry.model(state, source).mass,
+            )
+            changes = (wm.Poured(source=source, destination=destination), *configured(side, tilting.path[0]))
+            duration = (
+                way.duration
+                + geometry.duration(tilting.path, TILT_SPEED)
+                + HOLD_S
+                + geometry.duration(tilting.path, BACK_SPEED)
+            )
+            commands = (move(side, way, LOADED_SPEED), command)
+            return Step(hfsm.Step("pour", (source, destination)), commands, changes, duration)
     geometry.failed(fact(PourKind.NO_POUR, side, source, destination))
     return None
 
 
 def _stream(geometry: Geometry, state: str, source: str, destination: str) -> Stream:
-    """Return the geometry of the tilt, from km."""
+    """The geometry of the tilt, from km."""
     rim = geometry.ask(wm.ObjectHole(state=state, object=destination), wm.Hole)
     opening = geometry.ask(wm.ObjectHole(state=state, object=source), wm.Hole)
     return stream(geometry.pose(state, destination), rim.centre, rim.radius, opening.centre)
-
-
-def _pouring(
-    geometry: Geometry, side: Side, source: str, destination: str, mass: float, tilting: Tilting, way: Motion
-) -> Step:
-    """Return the step of a solved tilt; `way` leads to its start, `mass` of the empty source [kg]."""
-    command = Pour(
-        key="",
-        side=side,
-        source=source,
-        destination=destination,
-        azimuth=tilting.azimuth,
-        spin=tilting.spin,
-        tilts=(FIRST_TILT, LAST_TILT),
-        hold=HOLD_S,
-        empty_mass=mass,
-    )
-    changes = (wm.Poured(source=source, destination=destination), *configured(side, tilting.path[0]))
-    duration = (
-        way.duration
-        + geometry.duration(tilting.path, TILT_SPEED)
-        + HOLD_S
-        + geometry.duration(tilting.path, BACK_SPEED)
-    )
-    return Step(hfsm.Step("pour", (source, destination)), (move(side, way, LOADED_SPEED), command), changes, duration)
 
 
 PLAN = Plan(

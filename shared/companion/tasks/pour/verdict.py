@@ -38,7 +38,7 @@ class Poured(msgspec.Struct, frozen=True):
 
 
 def poured(history: History, command: Spoken | None) -> Poured:
-    """Return what was true at the end of a task; without a command at the end of the recording."""
+    """What was true at the end of a task; without a command at the end of the recording."""
     now = truth_at_end(history, command)
     if now is None:
         return Poured()
@@ -84,7 +84,7 @@ def true(one: Evidence, truth: TrueState) -> bool | None:
 
 
 def share(history: History) -> Share:
-    """Return how much was poured by belief and by truth."""
+    """How much was poured by belief and by truth."""
     true = poured(history, plans.task_command(history)).fraction
     done = [
         (one.content.weighed, act.command, one.content.seen)
@@ -102,7 +102,7 @@ def share(history: History) -> Share:
 
 
 def figures(history: History) -> Figures:
-    """Return the figures of the report's task."""
+    """The figures of the report's task."""
     state = poured(history, plans.task_command(history))
     return Figures(state.fraction, state.bowl_tilt_deg, share(history))
 

@@ -14,7 +14,7 @@ from companion import models
 from companion.languages import rc
 from companion.languages.facts import Fact, Kind, fact
 from companion.languages.values import Vector
-from companion.skills import emergency_place, motions, own_paths
+from companion.skills import emergency_place, motions, moving
 from companion.skills.loop_messages import Open, Until
 from companion.skills.moving import between, straight
 from companion.skills.situation import Situation
@@ -80,7 +80,7 @@ def _beside(here: Situation, command: rc.Release, met: _Met) -> Skill:
 
 
 def _retreat(command: rc.Release) -> list[tuple[pin.SE3, float]]:
-    """Return T_object_grip and finger angle of each point of the way back."""
+    """T_object_grip and finger angle of each point of the way back."""
     return [(transform(point.at), point.fingers) for point in command.retreat]
 
 
@@ -102,7 +102,7 @@ def _lower(here: Situation, command: rc.Release, place: pin.SE3, path: list[np.n
 
 
 def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, list[np.ndarray]]:
-    """Return where to put it, and the path to above that place.
+    """Where to put it, and the path to above that place.
 
     The first of: the place of the plan, right here, where it stood before, a free spot.
     """
@@ -138,13 +138,13 @@ def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
     here.set_fingers(side, wide)
     with attaching.allowed(here.world, (object_name, f"{side}_hand")):
         path = backing.way_out(here.robot, here.world, side, here.q, retreat_poses(grip, _retreat(command)))
-    way, watch = own_paths.rest(here, path), here.put[object_name].translation
+    way, watch = moving.rest(here, path), here.put[object_name].translation
     here.leave(object_name)
     yield from despite_cancel(lambda: motions.along(here, command.key, way, RETREAT_SPEED, watch=watch))
 
 
 def _through(here: Situation, side: str, grip: pin.SE3, way: Sequence[Vector]) -> list[np.ndarray]:
-    """Return the checked path to the first of the offsets from `grip`, then straight on. Raises replan for none."""
+    """The checked path to the first of the offsets from `grip`, then straight on. Raises replan for none."""
     first, *others = (shifted(grip, np.array(offset)) for offset in way)
     path = _to(here, side, first)
     for pose in others:
@@ -153,7 +153,7 @@ def _through(here: Situation, side: str, grip: pin.SE3, way: Sequence[Vector]) -
 
 
 def _to(here: Situation, side: str, target: pin.SE3) -> list[np.ndarray]:
-    """Return the short, checked path from the set-point to `target`. Raises replan if there is none."""
+    """The short, checked path from the set-point to `target`. Raises replan if there is none."""
     q = ik.solve(here.robot, side, target, here.q, columns=names.ARM[side])
     if q is None or np.abs(q - here.q).max() > JOIN_LIMIT:
         raise replan(fact(Kind.NOT_ABOVE_ITS_PLACE, side))

@@ -8,8 +8,7 @@ from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.planning.grasping import preferred, reachable, take, ways
 from companion.planning.methods import Known, Subtasks, away
-from companion.planning.places import Inside, Surfaces, places
-from companion.planning.placing import BEST, inserted, place
+from companion.planning.placing import BEST, Inside, Surfaces, inserted, place, places
 from companion.planning.registry import Argument, Plan, each_hand, each_try
 from companion.planning.steps import Geometry, Step
 
@@ -94,7 +93,7 @@ def set_at_try(known: Known, km: str, number: str, name: str, hand: Side, where:
 
 
 def take_to(geometry: Geometry, state: str, name: str, side: Side, number: str, where: str) -> Step | None:
-    """Return the step that takes an object by a grasp by which it can be put there (see take and places)."""
+    """The step that takes an object by a grasp by which it can be put there (see take and places)."""
     if not reachable(geometry, state, name, side):
         return None
     for target in places(geometry, state, name, where):
@@ -108,7 +107,7 @@ def take_to(geometry: Geometry, state: str, name: str, side: Side, number: str, 
 def _grasps(
     geometry: Geometry, state: str, name: str, side: Side, number: str, target: Inside | Surfaces
 ) -> frozenset[str] | None:
-    """Return the grasps with which a thing can be put behind an opening; None for any, where it comes from above."""
+    """The grasps with which a thing can be put behind an opening; None for any, where it comes from above."""
     if isinstance(target, Surfaces):
         return None
     known = ways(preferred(geometry, state, name))

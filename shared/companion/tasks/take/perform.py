@@ -5,11 +5,10 @@ import pinocchio as pin
 
 from companion.languages import rc
 from companion.languages.facts import Kind, fact
-from companion.skills import motions, own_paths
-from companion.skills.looking_again import missed
+from companion.skills import motions, moving
 from companion.skills.loop_messages import Close, Open, Until
 from companion.skills.moving import joining, legs
-from companion.skills.senses import require
+from companion.skills.senses import missed, require
 from companion.skills.situation import Held, Situation
 from companion.skills.skill import Cancelled, NotPossible, Skill, SkillRow, empty, missing, replan
 from velma import names
@@ -57,7 +56,11 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
                 here.give_up(command.object)  # the hand closed where it should be
             raise empty(fact(Kind.TOUCHED, side, command.object, touched))
     except (Cancelled, NotPossible):
-        yield from _back_out(here, side, command, [first[-1] if first else here.q, *(q for leg in rest for q in leg)])
+        # Open the hand and go back along the path of the approach, so that the arm is free to move again.
+        way = [first[-1] if first else here.q, *(q for leg in rest for q in leg)]
+        yield motions.still(here, command.key, **motions.hand(side, Open()))
+        yield motions.still(here, command.key, **motions.hand(side, motions.fingers(command.approach[-1].fingers)))
+        yield motions.along(here, command.key, moving.back(here, way), APPROACH_SPEED)
         raise
     # Until the object is seen in the hand, the planned grasp tells its pose there.
     T_grip_object = here.robot.grip(here.q, side).inverse() * poses[-1] * transform(command.approach[-1].at).inverse()
@@ -66,17 +69,10 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
     yield motions.still(here, command.key, watch=watch, settle_s=0.1, **carried)
 
 
-def _back_out(here: Situation, side: str, command: rc.Grasp, way: list[np.ndarray]) -> Skill:
-    """Open the hand and go back along the path of the approach, so that the arm is free to move again."""
-    yield motions.still(here, command.key, **motions.hand(side, Open()))
-    yield motions.still(here, command.key, **motions.hand(side, motions.fingers(command.approach[-1].fingers)))
-    yield motions.along(here, command.key, own_paths.back(here, way), APPROACH_SPEED)
-
-
 def _approach(
     here: Situation, side: str, command: rc.Grasp, poses: list[pin.SE3]
 ) -> tuple[list[np.ndarray], list[list[np.ndarray]]]:
-    """Return the path to the first pose and one to each further pose, checked against what is seen now."""
+    """The path to the first pose and one to each further pose, checked against what is seen now."""
     with attaching.allowed(here.world, (command.object, f"{side}_hand")):
         here.set_fingers(side, command.approach[-1].fingers)
         start = ik.solve(here.robot, side, poses[0], here.q, columns=names.ARM[side])

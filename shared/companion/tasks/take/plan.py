@@ -92,7 +92,7 @@ def put_aside_with(known: Known, km: str, hand: Side, name: str) -> Subtasks | N
 
 
 def carry(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """Return the step that carries the held object, upright, where other arm and torso have room."""
+    """The step that carries the held object, upright, where other arm and torso have room."""
     here = geometry.at(state)
     held = here.held[side]
     postures = carries(geometry.robot, here.world, side, here.q, held.T_grip_object, geometry.rng("carry", side))

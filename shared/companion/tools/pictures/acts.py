@@ -52,18 +52,15 @@ class Acts:
         """Draw a command's path, take it away with its answer, lengthen the trails."""
         match happening.what:
             case RobotState() as state:
-                self._move(happening.at, state)
+                q = robot.joints(state)
+                if q != self._q and happening.at - self._followed > TRAIL_S:
+                    self._q, self._followed = q, happening.at
+                    for side in self._trails:
+                        self._lengthen(happening.at, side, state.sim_time_s)
             case Spoken(content=rc.Command() as command):
                 self._draw(happening.at, *self._planned(command))
             case Spoken(content=rc.Done() | rc.NotDone()):
                 self._draw(happening.at, [], [])
-
-    def _move(self, at: float, state: RobotState) -> None:
-        q = robot.joints(state)
-        if q != self._q and at - self._followed > TRAIL_S:
-            self._q, self._followed = q, at
-            for side, trail in self._trails.items():
-                self._follow(at, side, trail, state.sim_time_s)
 
     def _draw(self, at: float, paths: list[Array], frames: list[Array]) -> None:
         self._sheet.add(PLANNED, strips, at, paths)
@@ -76,22 +73,21 @@ class Acts:
         match command:
             case rc.MoveJoint(side=side, path=path):
                 chosen = np.unique(np.linspace(0, len(path) - 1, min(len(path), MOST_POINTS)).astype(int))
-                frames = [self._grip(side, dict(zip(_names(side), path[k], strict=True))) for k in chosen]
+                frames = [
+                    self._grip(side, dict(zip((BODY[column] for column in COLUMNS[side]), path[k], strict=True)))
+                    for k in chosen
+                ]
                 return [np.array([frame[:3, 3] for frame in frames])], frames[-1:]
             case rc.MoveCartesian(side=side, segments=segments):
                 start = self._grip(side, {})[:3, 3]
                 return [np.cumsum([start, *(np.array(one.offset) for one in segments)], axis=0)], []
             case rc.Release(place=Pose() as place):
                 return [], [robot.frame(place)]
-        return self._approach(command)
-
-    def _approach(self, command: rc.Command) -> tuple[list[Array], list[Array]]:
-        """Path and frames of a hand that comes to a thing as it stands now; none of other acts."""
-        row = SHOWN.get(type(command))
-        thing = getattr(command, row.points_on) if row and row.points_on else ""
-        if thing not in self._scene.poses:
+        row = SHOWN.get(type(command))  # a hand that comes to an object as it stands now
+        of = getattr(command, row.points_on) if row and row.points_on else ""
+        if of not in self._scene.poses:
             return [], []
-        on = robot.frame(self._scene.poses[thing])
+        on = robot.frame(self._scene.poses[of])
         frames = [on @ robot.frame(point.at) for point in getattr(command, "approach", ())][-8:]
         return [np.array([frame[:3, 3] for frame in frames])], frames
 
@@ -99,13 +95,9 @@ class Acts:
         """T_world_grip (4, 4) of a hand at the present joints, some of them others."""
         return robot.world_frames(self._chains[side], self._q | instead)[GRIP_BODY[side]]
 
-    def _follow(self, at: float, side: str, trail: deque[Array], sim: float) -> None:
-        here = self._grip(side, {})[:3, 3]
+    def _lengthen(self, at: float, side: str, sim: float) -> None:
+        here, trail = self._grip(side, {})[:3, 3], self._trails[side]
         if not trail or np.linalg.norm(here - trail[-1]) > TRAIL_STEP_M:
             trail.append(here)
             if len(trail) > 1:
                 self._sheet.add(f"{DONE}/{side}", strips, at, [np.array(trail)], sim)
-
-
-def _names(side: str) -> list[str]:
-    return [BODY[column] for column in COLUMNS[side]]

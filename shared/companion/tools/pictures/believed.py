@@ -89,7 +89,7 @@ class Believed:
             place = pose or here
             if place and (off > MOST_APART_MM or (model is not None and model.moveable)):
                 x, y, z = place.xyz
-                told.append(((x, y, z + ABOVE_M), words(belief, at, off)))
+                told.append(((x, y, z + ABOVE_M), label_text(belief, at, off)))
         self._sheet.add(LABELS, labels, at, told)
         if lines != self._lines:
             self._lines = lines
@@ -117,7 +117,7 @@ class Believed:
 
 
 def joints_at(states: Sequence[RobotState], time_s: float) -> dict[str, float]:
-    """Return the joints [rad] at a simulated time, between two of these states or in the last one; {}: not known.
+    """The joints [rad] at a simulated time, between two of these states or in the last one; {}: not known.
 
     The newest truth is up to 0.1 s older than the newest state: a hand moves by 4 cm meanwhile.
     """
@@ -129,20 +129,17 @@ def joints_at(states: Sequence[RobotState], time_s: float) -> dict[str, float]:
     return robot.joints(states[-1]) if abs(states[-1].sim_time_s - time_s) < SAME_S else {}
 
 
-def words(belief: Belief, now: float, off_mm: float = 0.0) -> str:
-    """Return the text of a label, a line for each part: how the thing is known, by whom and since when [unix s].
+def label_text(belief: Belief, now: float, off_mm: float = 0.0) -> str:
+    """The text of a label, a line for each part: how the thing is known, by whom and since when [unix s].
 
     `off_mm`: distance from the truth [mm]; the label has it above MOST_APART_MM.
     """
     sure = f", ± {1000 * belief.deviation:.1f} mm" if belief.deviation is not None else ""
     lines = [f"{belief.object}: {belief.how}{sure}"]
     if belief.told is not None:
-        lines.append(f"{_ago(now - belief.told.received)}, told by {belief.told.sender}")
+        whole = int(max(now - belief.told.received, 0.0))
+        ago = f"{whole} s" if whole < 120 else f"{whole // 60} min"
+        lines.append(f"{ago} ago, told by {belief.told.sender}")
     if off_mm > MOST_APART_MM:
         lines.append(f"in truth {off_mm:.0f} mm away")
     return "\n".join(lines)
-
-
-def _ago(seconds: float) -> str:
-    whole = int(max(seconds, 0.0))
-    return f"{whole} s ago" if whole < 120 else f"{whole // 60} min ago"

@@ -3,20 +3,21 @@
 from collections.abc import Sequence
 
 import rerun as rr
+import rerun.blueprint as rrb
 
 from companion.languages import rc, sw
-from companion.sentences import Reader
+from companion.sentences import Reader, spaced
 from companion.sentences import step as worded
 from companion.telemetry import Lateness, RobotState, TrueState
 from companion.tools.pictures.acts import Acts
 from companion.tools.pictures.believed import Believed
-from companion.tools.pictures.camera import Camera
+from companion.tools.pictures.camera import CAMERA, Camera
 from companion.tools.pictures.imagined import Imagined
 from companion.tools.pictures.plan import Plan
 from companion.tools.pictures.scene import Contacts, Scene
 from companion.tools.pictures.velma import Velma
-from companion.wording import spaced
 from fipa_codec.performatives import Performative
+from operate.pictures import blueprint as views
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, scalars
 from operate.pictures.stage import REST, Drawer, Lane
@@ -110,7 +111,7 @@ class ActLanes:
 
 
 def drawers(sheet: Sheet) -> tuple[Drawer, ...]:
-    """Return all of them, in the order in which they draw."""
+    """All of them, in the order in which they draw."""
     scene = Scene(sheet)
     return (
         Velma(sheet),
@@ -124,3 +125,56 @@ def drawers(sheet: Sheet) -> tuple[Drawer, ...]:
         Plan(sheet),
         Signals(sheet),
     )
+
+
+# --- Layout of a run of the Robot Companion in the viewer: tabs for the run, conversations, numbers -------------------
+
+
+PAPER = (238, 242, 246)
+PLOTS = (
+    (("signals/position", "joint positions, rad"), ("signals/torque", "joint torques, Nm")),
+    (
+        ("signals/wrench/right", "right wrist: force N, torque Nm"),
+        ("signals/wrench/left", "left wrist: force N, torque Nm"),
+        ("loop/late", "the loop begins late by, us"),
+        ("loop/missed", "missed cycles"),
+    ),
+)
+"""Origin and title of each plot of the tab "numbers", a tuple for each column."""
+
+
+def blueprint(end_s: float | None) -> rrb.Blueprint:
+    """Of a run that lasted `end_s`; None: it goes on, plots show its last seconds; 0: it has just begun."""
+    axis = views.axis(end_s)
+    space = rrb.Spatial3DView(
+        origin="world",
+        name="Velma",
+        background=rrb.Background(color=PAPER, kind=rrb.BackgroundKind.SolidColor),
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(
+            position=(2.15, -1.7, 1.75), look_target=(0.5, -0.18, 0.9), eye_up=(0.0, 0.0, 1.0)
+        ),
+    )
+    seen = rrb.Vertical(
+        space,
+        rrb.Horizontal(views.graph(), rrb.TextDocumentView(origin="plan", name="plan"), column_shares=(5, 3)),
+        row_shares=(5, 3),
+    )
+    told = rrb.Vertical(
+        views.states("agents, plan, act", axis),
+        rrb.Horizontal(views.log(), rrb.Spatial2DView(origin=CAMERA, name="head camera"), column_shares=(3, 2)),
+        views.sizes(axis),
+        views.bandwidth(axis),
+        row_shares=(19, 11, 6, 5),
+    )
+    run = rrb.Horizontal(seen, told, column_shares=(1, 1), name="run")
+    left, right = (
+        rrb.Vertical(
+            *(
+                rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, plot_legend=rrb.Corner2D.RightTop)
+                for origin, name in column
+            )
+        )
+        for column in PLOTS
+    )
+    return views.whole(end_s, run, views.conversations(), rrb.Horizontal(left, right, name="numbers"))

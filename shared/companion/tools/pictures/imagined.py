@@ -4,12 +4,10 @@ It is known as far as the plan says it: arms after their last free motion. What 
 not drawn.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from companion.languages import hfsm, rc, sw
-from companion.languages.values import Pose
+from companion.languages.values import Pose, Side
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot, scene
 from companion.tools.pictures.scene import Scene
@@ -35,26 +33,23 @@ class End:
     def __init__(self, plan: hfsm.HierarchicalPlan, q: dict[str, float]) -> None:
         self.q = dict(q)
         self.places: dict[str, Pose] = {}
-        self._held: dict[str, tuple[str, Pose]] = {}
-        for command in _commands(plan.root):
-            self._follow(command)
+        held: dict[Side, tuple[str, Pose]] = {}
+        for command in hfsm.acts(plan.root):
+            match command:
+                case rc.MoveJoint(side=side, path=path) if path:
+                    self.q |= dict(zip((BODY[k] for k in COLUMNS[side]), path[-1], strict=True))
+                case rc.Home(side=side):
+                    self.q |= {BODY[k]: float(START[k]) for k in ARM[side]}
+                case rc.Grasp(side=side, object=name, approach=approach) if approach:
+                    held[side] = name, approach[-1].at
+                    self.places.pop(name, None)
+                case rc.Release(side=side, object=name, place=place):
+                    held.pop(side, None)
+                    if place is not None:
+                        self.places[name] = place
         frames = robot.world_frames(robot.links(), self.q)
-        for side, (name, grip) in self._held.items():
+        for side, (name, grip) in held.items():
             self.places[name] = robot.pose(frames[GRIP_BODY[side]] @ np.linalg.inv(robot.frame(grip)))
-
-    def _follow(self, command: rc.Command) -> None:
-        match command:
-            case rc.MoveJoint(side=side, path=path) if path:
-                self.q |= dict(zip((BODY[k] for k in COLUMNS[side]), path[-1], strict=True))
-            case rc.Home(side=side):
-                self.q |= {BODY[k]: float(START[k]) for k in ARM[side]}
-            case rc.Grasp(side=side, object=name, approach=approach) if approach:
-                self._held[side] = name, approach[-1].at
-                self.places.pop(name, None)
-            case rc.Release(side=side, object=name, place=place):
-                self._held.pop(side, None)
-                if place is not None:
-                    self.places[name] = place
 
 
 class Imagined:
@@ -74,34 +69,32 @@ class Imagined:
                 self._q = robot.joints(state)
             case Spoken(channel="C1", content=hfsm.HierarchicalPlan() as plan) if self._q:
                 end = End(plan, self._q)
-                self._show(happening.at, self._arms(end) | self._things(end))
+                self._show(happening.at, self._arms(end) | self._objects(end))
             case Spoken(content=sw.Report() as report) if report.state in sw.FINAL:
                 self._show(happening.at, {})
 
     def _arms(self, end: End) -> dict[str, Place]:
-        """Return the place of each link that moves; the trunk has no shape here, it stands where the robot's does."""
-        moved = {side for side in ARM if any(_turns(BODY[k], end.q, self._q) for k in COLUMNS[side])}
+        """The place of each link that moves; the trunk has no shape here, it stands where the robot's does."""
+        turns = {name for name, q in end.q.items() if abs(q - self._q.get(name, 0.0)) > STILL_RAD}
+        moved = {side for side in ARM if turns & {BODY[k] for k in COLUMNS[side]}}
         places: dict[str, Place] = {}
         for link in self._links if moved else ():
             side = next((side for side in ARM if f"{side}_arm_0_joint" == link.joint), None)
             turned: Place = (link.at, robot.turned(link, end.q.get(link.joint, 0.0)))
             if link.joint:
                 places[entity(link, ROBOT)] = HIDDEN if side and side not in moved else turned
-            self._look(link)
+            if link.name not in self._looks:
+                self._looks.add(link.name)
+                placed(self._sheet, link, ROBOT)
+                if any(f"{side}_arm_1_link" in link.path for side in ARM):
+                    shaped(self._sheet, link, ROBOT, PALE)
         return places
 
-    def _things(self, end: End) -> dict[str, Place]:
+    def _objects(self, end: End) -> dict[str, Place]:
         for name in end.places:
             for part, drawn in scene.looks(self._scene.models.get(name, ""), PALE):
                 self._sheet.static(f"{THINGS}/{name}/{part}", drawn)
         return {f"{THINGS}/{name}": (pose.xyz, pose.quat_wxyz) for name, pose in end.places.items()}
-
-    def _look(self, link: robot.Link) -> None:
-        if link.name not in self._looks:
-            self._looks.add(link.name)
-            placed(self._sheet, link, ROBOT)
-            if any(f"{side}_arm_1_link" in link.path for side in ARM):
-                shaped(self._sheet, link, ROBOT, PALE)
 
     def _show(self, at: float, places: dict[str, Place]) -> None:
         """Draw these entities and hide all others."""
@@ -112,17 +105,3 @@ class Imagined:
             if self._shown.get(where) != place:
                 self._shown[where] = place
                 self._sheet.add(where, transforms, at, place)
-
-
-def _turns(joint: str, one: dict[str, float], other: dict[str, float]) -> bool:
-    return abs(one.get(joint, 0.0) - other.get(joint, 0.0)) > STILL_RAD
-
-
-def _commands(machine: hfsm.Machine) -> Iterator[rc.Command]:
-    """Yield the acts of a plan in the order of its text."""
-    for state in machine.states:
-        match state:
-            case hfsm.Machine():
-                yield from _commands(state)
-            case hfsm.ActState(command=command):
-                yield command

@@ -1,7 +1,7 @@
 """The plan as text: its machine's states, what is behind, and the leaf ta is in."""
 
 from companion.languages import hfsm, sw
-from companion.wording import does, plain
+from companion.sentences import does, plain
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, documents
 from operate.recording.records import Spoken
@@ -32,7 +32,10 @@ class Plan:
                 self._report(report)
             case _:
                 return
-        self._sheet.add(PLAN, documents, happening.at, self._text())
+        if (plan := self._plan) is None:
+            return
+        head = f"**Plan {self._number}: {plain(plan.task)}** – {self._outcome or 'under way'}"
+        self._sheet.add(PLAN, documents, happening.at, "\n".join((head, "", *self._lines(plan.root, ()))))
 
     def _report(self, report: sw.Report) -> None:
         if report.at is not None and report.at.path != self._at:
@@ -43,13 +46,6 @@ class Plan:
             self._at = report.at.path
         if report.state in sw.FINAL:
             self._outcome, self._at = report.state.lower(), ()
-
-    def _text(self) -> str:
-        plan = self._plan
-        if plan is None:
-            return "No plan yet."
-        head = f"**Plan {self._number}: {plain(plan.task)}** – {self._outcome or 'under way'}"
-        return "\n".join((head, "", *self._lines(plan.root, ())))
 
     def _lines(self, machine: hfsm.Machine, path: Path) -> list[str]:
         lines: list[str] = []

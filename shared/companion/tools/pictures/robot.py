@@ -91,14 +91,14 @@ def chain(all_links: tuple[Link, ...], name: str) -> tuple[Link, ...]:
 
 
 def frame(pose: Pose) -> Array:
-    """Return a pose as a matrix (4, 4)."""
+    """A pose as a matrix (4, 4)."""
     found = np.eye(4)
     found[:3, :3], found[:3, 3] = matrix(pose.quat_wxyz), pose.xyz
     return found
 
 
 def pose(frame: Array) -> Pose:
-    """Return a matrix (4, 4) as a pose; the turn is the eigenvector of Bar-Itzhack's symmetric matrix (2000)."""
+    """A matrix (4, 4) as a pose; the turn is the eigenvector of Bar-Itzhack's symmetric matrix (2000)."""
     (a, b, c), (d, e, f), (g, h, i) = frame[:3, :3]
     symmetric = (
         (a + e + i, h - f, c - g, d - b),

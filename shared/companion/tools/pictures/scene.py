@@ -10,6 +10,7 @@ from companion.languages import wm
 from companion.languages.values import Box, Cylinder, Pose, Sphere
 from companion.models import KNOWN_AS, MODELS
 from companion.telemetry import TrueState
+from companion.tools.pictures.velma import xyzw
 from operate.pictures.colours import RED
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, arrows, points, transforms
@@ -44,34 +45,25 @@ def looks(model: str, colour: tuple[float, ...] | None = None) -> list[Drawn]:
     balls = [shape for shape in shapes if isinstance(shape, Sphere)]
     parts: list[Drawn] = []
     if boxes:
-        parts.append(("boards", _boxes(boxes, colour)))
+        at = [box.at.xyz for box in boxes]
+        turns = [xyzw(box.at.quat_wxyz) for box in boxes]
+        sizes = [box.size for box in boxes]
+        boards = rr.Boxes3D(sizes=sizes, centers=at, quaternions=turns, colors=[colour], fill_mode="solid")
+        parts.append(("boards", boards))
     if round_ones:
-        parts.append(("rounds", _cylinders(round_ones, colour)))
+        rounds = rr.Cylinders3D(
+            lengths=[one.length for one in round_ones],
+            radii=[one.radius for one in round_ones],
+            centers=[one.at.xyz for one in round_ones],
+            quaternions=[xyzw(one.at.quat_wxyz) for one in round_ones],
+            colors=[colour],
+            fill_mode="solid",
+        )
+        parts.append(("rounds", rounds))
     if balls:
         at, radii = [ball.at.xyz for ball in balls], [ball.radius for ball in balls]
         parts.append(("balls", rr.Ellipsoids3D(radii=radii, centers=at, colors=[colour], fill_mode="solid")))
     return parts
-
-
-def _boxes(boxes: list[Box], colour: tuple[float, ...]) -> rr.AsComponents:
-    return rr.Boxes3D(
-        sizes=[box.size for box in boxes],
-        centers=[box.at.xyz for box in boxes],
-        quaternions=[_xyzw(box.at.quat_wxyz) for box in boxes],
-        colors=[colour],
-        fill_mode="solid",
-    )
-
-
-def _cylinders(rounds: list[Cylinder], colour: tuple[float, ...]) -> rr.AsComponents:
-    return rr.Cylinders3D(
-        lengths=[one.length for one in rounds],
-        radii=[one.radius for one in rounds],
-        centers=[one.at.xyz for one in rounds],
-        quaternions=[_xyzw(one.at.quat_wxyz) for one in rounds],
-        colors=[colour],
-        fill_mode="solid",
-    )
 
 
 def _mesh(part: Part, colour: tuple[float, ...]) -> rr.Mesh3D:
@@ -87,11 +79,6 @@ def _mesh(part: Part, colour: tuple[float, ...]) -> rr.Mesh3D:
     length = np.linalg.norm(smooth, axis=1, keepdims=True)
     smooth /= np.where(length > 0, length, 1.0)
     return rr.Mesh3D(vertex_positions=points, triangle_indices=faces, vertex_normals=smooth, albedo_factor=colour)
-
-
-def _xyzw(quat_wxyz: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
-    w, x, y, z = quat_wxyz
-    return x, y, z, w
 
 
 # --- The things in 3D -------------------------------------------------------------------------------------------------

@@ -11,12 +11,12 @@ import numpy as np
 from companion.languages import cmd
 from companion.languages.evidence import Claim, ClaimOfAct, Evidence, Sense
 from companion.languages.values import BodyPosture, Vector
+from companion.sentences import evidence, plain, spaced
 from companion.telemetry import TrueState
 from companion.tools.beliefs import Belief, Beliefs
 from companion.tools.pictures import robot
 from companion.tools.report import plans, verdict
 from companion.tools.report.judges import judges
-from companion.wording import evidence, plain, spaced
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from velma.names import BODY, GRIP_BODY

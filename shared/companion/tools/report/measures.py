@@ -10,7 +10,6 @@ from companion.sentences import happened
 from companion.tools.report.paper import PAPER, TABLE_8
 from companion.tools.report.tables import of_history
 from operate.experiments import intervals
-from operate.experiments.exchanges import Said
 from operate.experiments.measures import (
     LARGEST,
     SMALL,
@@ -24,7 +23,7 @@ from operate.experiments.measures import (
     channel_size,
 )
 from operate.experiments.page import BINS, SHADE
-from operate.experiments.run_figures import Figures
+from operate.experiments.run_figures import Figures, Said
 from operate.experiments.summary import row_of
 from operate.reports.figures import ACCENT, FAINT, INK, drawing
 

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import msgspec
 
 from companion.languages import cmd, hfsm, rc, sw
+from companion.sentences import plain, spaced, why
 from companion.tools.report.judges import judge_of
-from companion.wording import plain, spaced, why
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
 from operate.recording.records import Spoken

@@ -10,7 +10,7 @@ import msgspec
 
 from companion.design import DESIGN
 from companion.sentences import happened
-from companion.telemetry import Lateness, PageFaults
+from companion.telemetry import PageFaults
 from companion.tools.report import believed, events, plans, verdict
 from companion.tools.report.clock import Clock
 from companion.tools.report.judges import Figures, Share, judges
@@ -20,6 +20,7 @@ from operate.recording.history import History
 from operate.recording.records import Spoken
 from operate.reports import counts
 from operate.reports.report import FaultAt, HoleAt, Judged, faults, holes, judged
+from operate.run_folder import alike
 
 
 class Happened(msgspec.Struct, frozen=True):
@@ -206,36 +207,24 @@ def _energy(history: History) -> float | None:
 def _plans(history: History) -> tuple[Plan, ...]:
     """Plans in the order they were asked for; the n-th found is the n-th carried out."""
     ran = {run.plan: run for run in plans.ran(history)}
-    return tuple(
-        Plan(
-            number=made.number,
-            task=made.task,
-            t=made.start - history.begin,
-            queries=made.queries,
-            km_s=fsum(end - start for start, end in made.waits),
-            km_longest_s=max((end - start for start, end in made.waits), default=0.0),
-            communicates=made.communicates,
-            bytes=made.bytes,
-            wall_s=made.wall_s,
-            outcome=made.outcome,
-            reason=made.reason,
-            expected_s=made.expected_s,
-            ended=ran[made.plan].outcome if made.plan in ran else None,
-        )
-        for made in plans.made(history)
-    )
+    found = []
+    for made in plans.made(history):
+        waits = [end - start for start, end in made.waits]
+        ended = ran[made.plan].outcome if made.plan in ran else None
+        t, longest = made.start - history.begin, max(waits, default=0.0)
+        found.append(alike(Plan, made, t=t, km_s=fsum(waits), km_longest_s=longest, ended=ended))
+    return tuple(found)
 
 
 def _events(history: History, clock: Clock) -> tuple[Happened, ...]:
     return tuple(
-        Happened(
-            event.at - history.begin,
-            event.kind,
-            event.of,
-            happened(event.kind, event.of),
-            event.channels,
-            clock.sim(event.at),
-            event.text,
+        alike(
+            Happened,
+            event,
+            t=event.at - history.begin,
+            name=event.kind,
+            words=happened(event.kind, event.of),
+            sim_s=clock.sim(event.at),
         )
         for event in events.events(history)
     )
@@ -245,22 +234,15 @@ def _loop(history: History) -> Loop | None:
     if not robot(history):
         return None
     last, has_clock = robot(history)[-1][1], bool(paced(history))
-    return Loop(
+    unpaced = {} if has_clock else {"missed": None, "skipped": None}
+    return alike(
+        Loop,
+        last,
         paced=has_clock,
-        realtime=last.realtime,
-        cycles=last.cycles,
-        missed=last.missed if has_clock else None,
-        skipped=last.skipped if has_clock else None,
-        lateness_us=_us(last.lateness_us) if has_clock else Us(),
-        compute_us=_us(last.compute_us) if last.compute_us.max else Us(),
-        faults=last.faults,
-        saturated=last.saturated,
-        page_faults=last.page_faults,
+        lateness_us=alike(Us, last.lateness_us) if has_clock else Us(),
+        compute_us=alike(Us, last.compute_us) if last.compute_us.max else Us(),
+        **unpaced,
     )
-
-
-def _us(told: Lateness) -> Us:
-    return Us(told.p50, told.p99, told.p999, told.max)
 
 
 def _missing(report: Report, history: History) -> tuple[str, ...]:

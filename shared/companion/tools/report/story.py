@@ -9,10 +9,9 @@ import msgspec
 from matplotlib.axes import Axes
 
 from companion.languages import cmd, hfsm, rc, sw
-from companion.sentences import Reader, step
+from companion.sentences import Reader, spaced, step
 from companion.tools.report.plans import REFUSED, Act, acts, asked, commands, made, outcome, ran, task_end
 from companion.tools.shown import SHOWN
-from companion.wording import spaced
 from operate.recording.history import History
 from operate.reports.figures import ACCENT, FAINT, INK, WIDTH_IN, drawing
 

@@ -13,7 +13,7 @@ from operate.cli.errors import NO, UsageError
 from operate.cli.fleet import targets
 from operate.cli.output import Format, RunDir, problems
 from operate.cli.traffic.filter_options import Recorded
-from operate.cli.traffic.recordings import recording_of
+from operate.cli.traffic.subject import recording_of
 
 
 class As(StrEnum):

@@ -42,13 +42,13 @@ class Pace(msgspec.Struct, frozen=True):
     realtime: bool = True
 
     @property
-    def words(self) -> str:
+    def sentence(self) -> str:
         """For a person, without a full stop."""
         return f"{100 * self.late / max(1, self.periods):.0f} % of the control loop's cycles are late here now"
 
 
 def measure(slots: Path | None = None) -> Pace | None:
-    """Return the pace now: of a loop that runs, by its slot file, or else of one that is tried out.
+    """The pace now: of a loop that runs, by its slot file, or else of one that is tried out.
 
     None where it cannot be measured: the executor's libraries are not installed, or the loop keeps no real time.
     """
@@ -69,7 +69,7 @@ HARMLESS = ("", "mujoco", "mock")
 
 
 def untouchable(fleet: Target) -> str:
-    """Return why no fault may be done to this fleet; "" where its robot is a simulated one."""
+    """Why no fault may be done to this fleet; "" where its robot is a simulated one."""
     backend = fleet.variable(LOOP_PROCESS, BACKEND)
     return "" if backend in HARMLESS else f"the back-end {backend} may move a real robot"
 
@@ -117,9 +117,9 @@ def _paced(measured: Pace | None, remedy: str) -> Iterator[Check]:
     if measured is None:
         return
     if measured.held:
-        yield Check("real time", Level.FINE, f"{measured.words}: real time is held")
+        yield Check("real time", Level.FINE, f"{measured.sentence}: real time is held")
     else:
-        yield Check("real time", Level.WRONG, f"{measured.words}: real time cannot be held", remedy)
+        yield Check("real time", Level.WRONG, f"{measured.sentence}: real time cannot be held", remedy)
     if not measured.realtime:
         right = "for a real robot or a busy machine: rtprio, memlock in limits.conf(5), or deploy/compose.rt.yaml"
         yield Check("priority", Level.NOTE, "the loop gets no real-time priority: it runs without", right)

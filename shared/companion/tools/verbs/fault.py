@@ -51,7 +51,7 @@ E = TypeVar("E", bound=StrEnum)
 
 
 def one_of(known: Sequence[E]) -> dict[str, Any]:
-    """Return the settings of an argument or option that takes one of these."""
+    """The settings of an argument or option that takes one of these."""
 
     def name(word: str) -> E:
         try:
@@ -170,7 +170,7 @@ def ordered(
     process = EYE if one.of is Of.CAMERA else LOOP
     moment = moments.parse(at, fleet.system.design, process)
     heal_left(fleet, form)
-    fault = inflict.planned(fleet, KIND[one.of], process, moments.words(moment), what=words(one))
+    fault = inflict.planned(fleet, KIND[one.of], process, moments.words(moment), what=described(one))
     wait = partial(moments.wait, moment, within_s, target, run_dir)
     begun = partial(_tell_begun, form)
     ended = inflict.Inflicting(fleet, fault, _kind(replace(one, id=fault.id), for_s)).run(wait, for_s, begun)
@@ -195,7 +195,7 @@ def possible(fleet: Target, one: Disturbance) -> None:
 
 
 def things(fleet: Target) -> list[str]:
-    """Return the things of the fleet's scene that can be taken."""
+    """The things of the fleet's scene that can be taken."""
     file = fleet.variable(LOOP, SCENE)
     try:
         world = scene.load(Path(file)) if file else scene.load()
@@ -205,7 +205,7 @@ def things(fleet: Target) -> list[str]:
 
 
 def vector(text: str) -> tuple[float, ...]:
-    """Return the three numbers of "0,-0.05,0"; () for "". Raise UsageError."""
+    """The three numbers of "0,-0.05,0"; () for "". Raise UsageError."""
     try:
         numbers = tuple(float(one) for one in text.split(",")) if text else ()
     except ValueError:
@@ -215,15 +215,15 @@ def vector(text: str) -> tuple[float, ...]:
     return numbers
 
 
-def words(one: Disturbance) -> str:
-    """Return a disturbance in words: "wrist zero left", "encoder bias left_arm_3_joint by 0.05"."""
+def described(one: Disturbance) -> str:
+    """A disturbance in words: "wrist zero left", "encoder bias left_arm_3_joint by 0.05"."""
     by = f"by {','.join(f'{x:g}' for x in one.by)}" if one.by else ""
     parts = (one.on, one.kind, by) if one.of is Of.THING else (one.of, one.kind, one.on, by)
     return " ".join(filter(None, parts))
 
 
 def _kind(one: Disturbance, for_s: float) -> Kind:
-    """Return the kind of a fault that is this disturbance."""
+    """The kind of a fault that is this disturbance."""
     return _row(lambda fleet, _: _write(fleet, one.id, (replace(one, until=time.time() + for_s),)))
 
 

@@ -1,21 +1,26 @@
-"""The client of a_hi over loopback HTTP; the contract is docs/http.md."""
+"""hi as `roco` speaks to it: for a person at a terminal, with errors that the command line prints."""
 
-import http.client
+import contextlib
 import os
 import socket
+import sys
 import time
-from typing import TypeVar
-from urllib.parse import urlencode
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple, TypeVar
 
 import msgspec
 
-from companion.loopback import answered
-from companion.run_files import HI_FILE, Cancel, Events, HiAddress, Problem, Say, TaskLine, Tasks
-from companion.stop_words import AT_ONCE_S
-from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError
+from companion import loopback
+from companion.run_files import HI_FILE, HiAddress, Say, TaskLine
+from operate import proc
+from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError, NoRunError
+from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
+from operate.cli.output import Format
+from operate.cli.runs import folders
+from operate.run_folder import LATEST, ProcessState
 
-ANSWER_S = 10.0  # estimate: a_hi answers without asking anybody, in milliseconds
 HI = "hi"
 T = TypeVar("T")
 
@@ -30,74 +35,27 @@ class HiError(ConsoleError):
         super().__init__(f"the human interface said no ({status}): {reason}" if status else reason)
 
 
-class Hi:
-    """A_hi at this address. Every call raises HiError: status 0 where nobody answers, else what a_hi said."""
+class Hi(loopback.Hi):
+    """hi at this address; every call raises HiError."""
+
+    error = HiError
 
     def __init__(self, address: HiAddress) -> None:
-        self.address = address
+        super().__init__(address)
 
     def say(self, text: str, urgency: int = 0, within_s: float = 0.0, later_s: float = 0.0) -> TaskLine:
-        """Say a sentence; the task it became, or its refusal."""
+        """Say a sentence in this terminal; the task it became, or its refusal."""
         east_min = time.localtime().tm_gmtoff // 60
-        said = Say(text, urgency, within_s, later_s, asker=terminal(), east_min=east_min)
-        return self._ask("POST", "/say", TaskLine, said)
-
-    def answers(self) -> tuple[str, ...]:
-        """The sentences that answer what a_hi has asked in this terminal."""
-        return self._ask("GET", "/tasks", Tasks, patience_s=AT_ONCE_S).answers(terminal(), time.time())
-
-    def cancel(self, task: str = "") -> TaskLine:
-        """Cancel this task, or the oldest that has not ended."""
-        return self._ask("POST", "/cancel", TaskLine, Cancel(task))
-
-    def stop(self) -> TaskLine:
-        """Stop the robot; no agent is asked."""
-        return self._ask("POST", "/stop", TaskLine)
-
-    def release(self) -> TaskLine:
-        """Let it move again."""
-        return self._ask("POST", "/release", TaskLine)
-
-    def tasks(self) -> tuple[TaskLine, ...]:
-        """All tasks, oldest first."""
-        return self._ask("GET", "/tasks", Tasks).tasks
-
-    def events(self, since: int = 0, wait_s: float = 0.0) -> Events:
-        """Events after number `since`; waits up to `wait_s` [s] for one."""
-        query = urlencode({"since": since, "wait": wait_s})
-        return self._ask("GET", f"/events?{query}", Events, patience_s=ANSWER_S + wait_s)
-
-    def _ask(
-        self, verb: str, path: str, kind: type[T], body: msgspec.Struct | None = None, patience_s: float = ANSWER_S
-    ) -> T:
-        try:
-            status, data = answered(self.address, verb, path, body, patience_s=patience_s)
-        except (OSError, http.client.HTTPException) as error:
-            text = f"the human interface does not answer on port {self.address.port} ({error}); see `roco status`"
-            raise HiError(0, text) from error
-        if status != http.client.OK:
-            raise HiError(status, _reason(data))
-        try:
-            return msgspec.json.decode(data, type=kind)
-        except msgspec.DecodeError as error:
-            raise HiError(status, f"{path} answered something else than {kind.__name__}: {error}") from error
+        return self.send(Say(text, urgency, within_s, later_s, asker=terminal(), east_min=east_min))
 
 
 def terminal() -> str:
-    """Return a name for the terminal, the same for all that is said in it: its session on this machine."""
+    """A name for the terminal, the same for all that is said in it: its session on this machine."""
     return f"{os.getsid(0)}@{socket.gethostname()}"[:64]
 
 
-def _reason(data: bytes) -> str:
-    """The sentence in the body of a refusal."""
-    try:
-        return msgspec.json.decode(data, type=Problem).error
-    except msgspec.DecodeError:
-        return data[:200].decode(errors="replace") or "no reason given"
-
-
 def address(fleet: Target) -> HiAddress:
-    """Return the address of a fleet's human interface. Raise HiError if it never published one."""
+    """The address of a fleet's human interface. Raise HiError if it never published one."""
     try:
         told = fleet.read(HI, HI_FILE)
         return msgspec.json.decode(told, type=HiAddress)
@@ -110,3 +68,69 @@ def address(fleet: Target) -> HiAddress:
 def tasks(fleet: Target) -> tuple[TaskLine, ...]:
     """The tasks of a fleet, oldest first. Raise HiError where nobody tells them."""
     return Hi(address(fleet)).tasks()
+
+
+# --- Whether hi or the page, which does not listen, is on its way; waiting for it -------------------------------------
+
+
+STARTING_S = 90.0  # as long as `roco up` waits
+PERIOD_S = 0.2  # estimate: nobody notices
+ON_ITS_WAY = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF)
+
+
+class Listener(NamedTuple):
+    """A process that people's tools talk to, and what Python runs."""
+
+    name: str
+    module: str
+
+
+HUMAN_INTERFACE = Listener("hi", "services.human_interface")
+PAGE = Listener("page", "services.page")
+
+
+def when_started(attempt: Callable[[], T | ConsoleError], coming: Callable[[ConsoleError], bool], form: Format) -> T:
+    """What an attempt gives, made again for 90 s while it gives an error of something that is `coming`.
+
+    Raise the error otherwise, NoRunError where the time is over.
+    """
+    until = 0.0
+    while True:
+        found = attempt()
+        if not isinstance(found, ConsoleError):
+            return found
+        if not coming(found):
+            raise found
+        if not until:
+            until = time.monotonic() + STARTING_S
+            if form is Format.TEXT:
+                print(f"roco: the fleet is starting; waiting for it, at most {STARTING_S:.0f} s", file=sys.stderr)
+        elif time.monotonic() > until:
+            words = f"the fleet is still starting after {STARTING_S:.0f} s; see `roco status` ({found})"
+            raise NoRunError("", words) from found
+        time.sleep(PERIOD_S)
+
+
+def starting(wanted: Listener, name: str = "", run_dir: Path | None = None) -> bool:
+    """Whether a listener of the fleet that is meant is on its way."""
+    with contextlib.suppress(ConsoleError):
+        look = targets.find(name, run_dir).look()
+        if any(one.name == wanted.name and one.status.state in ON_ITS_WAY for one in look.seen):
+            return True
+        if look.fleet is not None and look.fleet.supervisor:
+            return False
+    return name in ("", targets.LOCAL) and begins(wanted, run_dir or folders.RUNS / LATEST)
+
+
+def begins(wanted: Listener, run: Path) -> bool:
+    """Whether a supervisor lives that keeps this run, or the run that is to be the latest where this is the latest one.
+
+    It says so before anything of it is in a run folder. In a container the listener itself is looked for.
+    """
+    called = [words for _, words in proc.every_words()]
+    if folders.around() is not None:
+        return any(wanted.module in words for words in called)
+    mine = {run.resolve(), run.parent.resolve()} if run.name == LATEST else {run.resolve()}
+    supervisors = (words for words in called if {*folders.SUPERVISORS} & {*words} and "--run-dir" in words)
+    kept = [Path(words[words.index("--run-dir") + 1]) for words in supervisors]
+    return any(folder in mine or folder.parent in mine for folder in kept)

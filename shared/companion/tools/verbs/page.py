@@ -11,7 +11,7 @@ import typer
 
 from companion.loopback import HERE, answered
 from companion.run_files import PAGE_FILE, PageAddress, Pairing
-from companion.tools.verbs.listener_start import PAGE, PERIOD_S, starting, when_started
+from companion.tools.verbs.hi import PAGE, PERIOD_S, starting, when_started
 from operate.cli.errors import NOTHING_RUNS, ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
@@ -70,7 +70,7 @@ def _door_or_error(target: str, run_dir: Path | None) -> Door | ConsoleError:
 
 
 def door(fleet: Target) -> Door:
-    """Return a new pairing address of the page of a fleet. Raise PageError where it does not answer."""
+    """A new pairing address of the page of a fleet. Raise PageError where it does not answer."""
     try:
         told = fleet.read(PAGE.name, PAGE_FILE)
         if not told:
@@ -90,7 +90,7 @@ def door(fleet: Target) -> Door:
 
 
 def door_when_there(run: Path, within_s: float = STARTING_S) -> Door | None:
-    """Return a new pairing address of a run, as soon as its page listens; None where it has none, or not in time."""
+    """A new pairing address of a run, as soon as its page listens; None where it has none, or not in time."""
     fleet, told = Local(run), folders.fleet(run)
     until = time.monotonic() + within_s
     while told is not None and any(one.name == PAGE.name for one in told.processes):

@@ -5,7 +5,7 @@ from operate.cli.verbs import Table
 ROOM = "companion.tools.verbs"
 VERBS: Table = {
     "The fleet": {
-        "demo": (f"{ROOM}.demo:demo", "Run the main job from start to end, watched: up, say, report, down."),
+        "demo": (f"{ROOM}.pour_run:demo", "Run the main job from start to end, watched: up, say, report, down."),
     },
     "The robot": {
         "say": (f"{ROOM}.talk:say", 'Say a sentence to the robot, such as "pour the jar into the bowl".'),
@@ -25,7 +25,7 @@ VERBS: Table = {
     },
     "Runs reported, repeated, compared": {
         "experiment pour": (
-            f"{ROOM}.experiment:pour",
+            f"{ROOM}.pour_run:pour",
             "Repeat the main job, a fresh fleet each time; report.html, .json and .md set it beside the paper.",
         ),
     },

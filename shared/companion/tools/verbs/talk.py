@@ -17,8 +17,7 @@ from agent_runtime.io.run_files import STOP_FILE, LinkedError
 from companion.languages.cmd import TaskState
 from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSED, SLOTS_FILE, STOPPED, Say, TaskLine
 from companion.stop_words import calls_for_help, may_answer, stop_words
-from companion.tools.verbs.hi import Hi, HiError, address
-from companion.tools.verbs.listener_start import HUMAN_INTERFACE, PERIOD_S, starting, when_started
+from companion.tools.verbs.hi import HUMAN_INTERFACE, PERIOD_S, Hi, HiError, address, starting, terminal, when_started
 from operate.cli.errors import NO, ConsoleError, FleetError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
@@ -88,7 +87,7 @@ def say(
 
 
 def seconds_until(clock: str, now: datetime) -> float:
-    """Return the seconds until the next such time of day, HH:MM; 0 for "". Raise UsageError for anything else."""
+    """The seconds until the next such time of day, HH:MM; 0 for "". Raise UsageError for anything else."""
     if not clock:
         return 0.0
     try:
@@ -99,7 +98,7 @@ def seconds_until(clock: str, now: datetime) -> float:
 
 
 def followed(hi: Callable[[], Hi], said: TaskLine, wait: bool, form: Format) -> TaskLine:
-    """Return the task of a sentence once co has taken or refused it; with `wait` once all of the sentence has ended.
+    """The task of a sentence once co has taken or refused it; with `wait` once all of the sentence has ended.
 
     Then it is the first one that was not done, or the last one. Raise HiError where co says nothing, or hi stays away.
     """
@@ -146,7 +145,7 @@ def _answers(text: str, target: str, run_dir: Path | None) -> tuple[str, ...]:
     if not may_answer(text):
         return ()
     try:
-        return Hi(address(targets.find(target, run_dir))).answers()
+        return Hi(address(targets.find(target, run_dir))).answers(terminal())
     except ConsoleError:
         return ()
 

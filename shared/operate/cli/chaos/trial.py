@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -19,13 +20,15 @@ from agent_runtime.io.fleet_processes import variables
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from agent_runtime.io.secured import ROUTER
 from operate import proc
-from operate.cli.analysis import analysed
-from operate.cli.errors import ConsoleError, UsageError
+from operate.cli.errors import UsageError
 from operate.cli.faults.kinds import KINDS, VERBS, Kind
 from operate.cli.runs import folders, trials
 from operate.fault_lines import latest, read
 from operate.run_folder import FAULTS_FILE, Fault, ProcessState
 from operate.system import System
+
+if TYPE_CHECKING:
+    from operate.judging.invariants import Checked
 
 # --- A cell of chaos: one fault of one process in one phase of the system's job; which one, a seed says. Pure --------
 
@@ -147,13 +150,6 @@ class Result(msgspec.Struct, frozen=True):
         return not (self.broken or self.stuck or self.orphans) and (self.success or bool(self.why))
 
 
-class Checked(msgspec.Struct, frozen=True):
-    """Of operate.judging.invariants.Checked what is read."""
-
-    broken: tuple[str, ...]
-    bytes: int
-
-
 def done(out: Path, setting: trials.Setting, cell: Cell) -> Result:
     """Return what became of a run; its folder stays for who wants to look. It is down afterwards, whatever happens."""
     run = trials.folder(out, cell.seed)
@@ -225,11 +221,14 @@ def _text(run: Path, faults: tuple[Fault, ...]) -> str:
     return words[0] if words else "the fleet was never ready"
 
 
-def _checked(run: Path) -> Checked:
+def _checked(run: Path) -> "Checked":
     """Judge the history of a run; where that cannot be done, that is what is broken."""
+    from operate.judging.invariants import Checked, checked
+    from operate.recording.run import Run
+
     try:
-        return msgspec.json.decode(analysed("invariants", str(run), about=run), type=Checked)
-    except (ConsoleError, msgspec.MsgspecError) as error:
+        return checked(Run(run))
+    except Exception as error:  # whatever a run that was disturbed does to its reader
         return Checked((f"its history cannot be judged: {error}",), 0)
 
 

@@ -1,9 +1,8 @@
-"""`roco design export`: the uses of a design's protocols as models for other tools, spin and Petri net tools.
+"""`roco design export`: the uses of a design's protocols as models for spin (Promela).
 
 They are the models that `roco design verify` explores as its second layer, made of the same tables.
 """
 
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -15,18 +14,12 @@ from operate.cli.design import files
 from operate.cli.output import Form, Format
 from topdown.model.design import Design, load
 from topdown.model.errors import NoSuchEntry
-from topdown.prove.net import Net
-from topdown.prove.net_model import NetModel
+from topdown.prove.net import NetModel
 from topdown.prove.pairs import net_of
-from topdown.prove.pnml import pnml
 from topdown.prove.promela import promela
 
 Promela = Annotated[
     Path | None, typer.Option("--promela", help="Write Promela for spin here: a file for one use, a folder for more.")
-]
-Pnml = Annotated[
-    Path | None,
-    typer.Option("--pnml", help="Write a place/transition net here, durable uses over ideal queues; as --promela."),
 ]
 Use = Annotated[
     list[str] | None,
@@ -38,6 +31,9 @@ Pair = Annotated[
 ]
 Faults = Annotated[int, typer.Option(min=0, help="How many faults at most.")]
 Ideal = Annotated[bool, typer.Option("--ideal", help="Durable uses over ideal queues, without copies and receipts.")]
+
+
+LOOK_WITH = "spin -a -o1 -o2 FILE && gcc -O2 -DSAFETY -DNOREDUCE -o pan pan.c && ./pan -m1000000"
 
 
 class Written(msgspec.Struct, frozen=True):
@@ -53,27 +49,35 @@ class Written(msgspec.Struct, frozen=True):
 
 def export(
     file: files.File = None,
-    promela: Promela = None,
-    pnml: Pnml = None,
+    to: Promela = None,
     use: Use = None,
     pair: Pair = None,
     faults: Faults = 0,
     ideal: Ideal = False,
     form: Form = Format.TEXT,
 ) -> None:
-    """Write the models of a design's protocols for spin (Promela) or for Petri net tools (PNML).
+    """Write the models of a design's protocols for spin (Promela).
 
     Examples:
       roco design export --promela plan.pml --use execute_plan
-      roco design export --pnml nets --pair AGENT-PEER
+      roco design export --promela models --pair AGENT-PEER
     """
     with files.problems(form):
         place = files.meant(file)
-        if promela is None and pnml is None:
-            raise ValueError("nothing to write; name a file or a folder with --promela or --pnml")
+        if to is None:
+            raise ValueError("nothing to write; name a file or a folder with --promela")
         design = load(place)
         names = _uses(design, use or [], pair)
-        written = [*_promela(design, names, promela, faults, ideal), *_pnml(design, names, pnml, faults)]
+        one_file = len(names) == 1 and bool(to.suffix) and not to.is_dir()
+        written = []
+        for name in names:
+            net = net_of(design, name, faults, ideal=ideal)
+            NetModel(net)  # names are checked before anything is written
+            where = to if one_file else to / f"{name}.pml"
+            where.parent.mkdir(parents=True, exist_ok=True)
+            where.write_text(promela(net), encoding="utf-8")
+            sizes = len(net.variables), len(net.queues), len(net.commands)
+            written.append(Written(net.name, str(where), *sizes, LOOK_WITH.replace("FILE", str(where))))
     if form is Format.JSON:
         files.tell_json(written)
         return
@@ -98,32 +102,3 @@ def _uses(design: Design, named: list[str], pair: str | None) -> list[str]:
         names += found
     known = [use.name for use in design.file.protocol if use.follows in design.tables]
     return list(dict.fromkeys(names)) or known
-
-
-def _promela(design: Design, names: list[str], path: Path | None, faults: int, ideal: bool) -> Iterator[Written]:
-    look = "spin -a -o1 -o2 FILE && gcc -O2 -DSAFETY -DNOREDUCE -o pan pan.c && ./pan -m1000000"
-    for name, where in _places(names, path, ".pml"):
-        yield _write(net_of(design, name, faults, ideal=ideal), promela, where, look)
-
-
-def _pnml(design: Design, names: list[str], path: Path | None, faults: int) -> Iterator[Written]:
-    for name, where in _places(names, path, ".pnml"):
-        yield _write(net_of(design, name, faults, ideal=True), pnml, where, "open FILE with a Petri net tool")
-
-
-def _places(names: list[str], path: Path | None, suffix: str) -> list[tuple[str, Path]]:
-    """Return the file of each use: the path itself if there is one use and the path has a suffix."""
-    if path is None:
-        return []
-    if len(names) == 1 and path.suffix and not path.is_dir():
-        return [(names[0], path)]
-    return [(name, path / f"{name}{suffix}") for name in names]
-
-
-def _write(net: Net, text: Callable[[Net], str], where: Path, look_with: str) -> Written:
-    NetModel(net)  # names are checked before anything is written
-    words = text(net)
-    where.parent.mkdir(parents=True, exist_ok=True)
-    where.write_text(words, encoding="utf-8")
-    sizes = len(net.variables), len(net.queues), len(net.commands)
-    return Written(net.name, str(where), *sizes, look_with.replace("FILE", str(where)))

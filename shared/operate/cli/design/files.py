@@ -14,7 +14,7 @@ from operate.cli.output import Format, tell_problem
 from operate.cli.traffic.observed import recording
 from operate.system import NoSystemError, here
 from topdown import check
-from topdown.check.observe import Observed
+from topdown.check.recorded import Observed
 from topdown.model.design import Design
 from topdown.model.errors import TopdownError
 from topdown.model.findings import Finding

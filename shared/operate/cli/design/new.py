@@ -30,22 +30,19 @@ def new(
       roco design new robot --from design.toml
     """
     try:
-        outcome = _made(folder, name, source)
+        if source is not None:
+            outcome = scaffold(text_of(source), folder, name, str(source))
+        else:
+            package = name or folder.resolve().name
+            outcome = scaffold(smallest(package), folder, package)
     except TopdownError as error:
         tell_problem(error, form)
         raise typer.Exit(1) from error
     print(msgspec.json.encode(outcome).decode() if form is Format.JSON else "\n".join(_words(outcome)))
 
 
-def _made(folder: Path, name: str, source: Path | None) -> Outcome:
-    if source is not None:
-        return scaffold(text_of(source), folder, name, str(source))
-    package = name or folder.resolve().name
-    return scaffold(smallest(package), folder, package)
-
-
 def _words(outcome: Outcome) -> list[str]:
-    """Return the outcome in words for people."""
+    """The outcome in words for people."""
     lines = [f"{outcome.folder}: {len(outcome.written)} files written, {len(outcome.same)} as they were"]
     lines += [f"  {path}" for path in outcome.written]
     for kept in outcome.kept:

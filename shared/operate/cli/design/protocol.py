@@ -17,7 +17,7 @@ from operate.cli.design.show import write
 from operate.cli.errors import UsageError
 from operate.cli.output import Form, Format, tell_json
 from operate.system import NoSystemError, here
-from topdown.draw import text
+from topdown.draw import document
 from topdown.draw.document import Grid
 from topdown.draw.protocols import ALWAYS, draw
 
@@ -103,12 +103,19 @@ def protocol(
                 tell_json(found)
                 return
             rows = tuple((one.name, _several(one.aliases), _several(one.openings), one.origin) for one in found)
-            print(text.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
+            print(document.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
             return
         about, one = _meant(name)
         made = write(draw(one).svg(), svg)
         if form is Format.JSON:
-            tell_json(_plain(about, one))
+            roles = {
+                role: Side(
+                    tuple(Line(*row) for row in _by_state(table)),
+                    *(tuple(sorted(getattr(table, mark))) for mark in MEANING),
+                )
+                for role, table in one.tables.items()
+            }
+            tell_json(Shown(about, tuple(sorted(one.confirmed)), tuple(sorted(one.rounds)), roles))
         elif made:
             print(f"wrote {svg}")
         else:
@@ -116,14 +123,14 @@ def protocol(
 
 
 def every() -> list[tuple[Listed, Protocol]]:
-    """Return all protocols, those of the design here first. Raise DesignError where it cannot be read."""
+    """All protocols, those of the design here first. Raises DesignError where it cannot be read."""
     own = _own()
     others = sorted((one for one in known() if one.name not in own), key=lambda one: one.name)
     return [*own.values(), *((_listed(one, _origin(one)), one) for one in others)]
 
 
 def _own() -> dict[str, tuple[Listed, Protocol]]:
-    """Return the protocols that the design of the system here brings along; none if no system is found."""
+    """The protocols that the design of the system here brings along; none if no system is found."""
     try:
         system = here()
     except NoSystemError:
@@ -147,44 +154,26 @@ def _listed(one: Protocol, origin: str, words: str = "") -> Listed:
 
 
 def _origin(one: Protocol) -> str:
-    """Return the origin of a protocol's rules: one of the two profiles, or both."""
+    """The origin of a protocol's rules: one of the two profiles, or both."""
     differs = (one in FIPA) != (one in PAPER)
     return ("FIPA" if one in FIPA else "the paper") if differs else "FIPA and the paper"
 
 
-def _plain(about: Listed, protocol: Protocol) -> Shown:
-    roles = {role: _side(table) for role, table in protocol.tables.items()}
-    return Shown(about, tuple(sorted(protocol.confirmed)), tuple(sorted(protocol.rounds)), roles)
-
-
-def _side(table: Table) -> Side:
-    rows = tuple(Line(*row) for row in _by_state(table))
-    return Side(rows, *(tuple(sorted(getattr(table, mark))) for mark in MEANING))
-
-
 def _by_state(table: Table) -> list[Row]:
-    """Return the rows, those of a state together, in the order in which states first appear."""
+    """The rows, those of a state together, in the order in which states first appear."""
     places = {state: number for number, state in enumerate(dict.fromkeys(row.state for row in table))}
     return sorted(table, key=lambda row: places[row.state])
 
 
 def _written(about: Listed, protocol: Protocol, width: int) -> str:
-    sides = [_side_written(role, table, width) for role, table in protocol.tables.items()]
-    return "\n\n".join([_filled(_facts(about, protocol), width), *sides, _filled(_legend(protocol), width)])
-
-
-def _facts(about: Listed, protocol: Protocol) -> list[str]:
     names = f", also called {_several(about.aliases)}" if about.aliases else ""
     facts = [f"{about.name}{names}: opened by {_several(about.openings)}; rules of {about.origin}", about.text]
     facts += [f"Each {act} is answered by a confirm." for act in sorted(protocol.confirmed)]
     facts += [f"Each further {act} of the initiator opens a new round." for act in sorted(protocol.rounds)]
-    return [fact for fact in facts if fact]
-
-
-def _legend(protocol: Protocol) -> list[str]:
-    """Return the kinds of its acts in words, and what no table says."""
+    sides = [_side_written(role, table, width) for role, table in protocol.tables.items()]
     used = {row.kind for table in protocol.tables.values() for row in table}
-    return [*(f"[{kind}]: {words}." for kind, words in KINDS.items() if kind in used), ALWAYS]
+    legend = [*(f"[{kind}]: {words}." for kind, words in KINDS.items() if kind in used), ALWAYS]
+    return "\n\n".join([_filled(list(filter(None, facts)), width), *sides, _filled(legend, width)])
 
 
 def _side_written(role: Role, table: Table, width: int) -> str:
@@ -193,15 +182,15 @@ def _side_written(role: Role, table: Table, width: int) -> str:
         says = "says" if row.way is Way.SEND else "hears"
         rows.append((row.state if row.state != last else "", says, row.word, row.to))
         last = row.state
-    lines = [text.table(Grid(str(role), ("state", "says or hears", "act", "next state"), tuple(rows)), width)]
+    lines = [document.table(Grid(str(role), ("state", "says or hears", "act", "next state"), tuple(rows)), width)]
     for mark, words in MEANING.items():
         if states := sorted(getattr(table, mark)):
-            lines += text.hung(f"{mark:<9}", f"{', '.join(states)}: {words}", width, " " * 9)
+            lines += document.hung(f"{mark:<9}", f"{', '.join(states)}: {words}", width, " " * 9)
     return "\n".join(lines)
 
 
 def _filled(paragraphs: list[str], width: int) -> str:
-    return "\n".join(line for one in paragraphs for line in text.cell(one, width))
+    return "\n".join(line for one in paragraphs for line in document.cell(one, width))
 
 
 def _several(words: tuple[str, ...]) -> str:
@@ -209,4 +198,4 @@ def _several(words: tuple[str, ...]) -> str:
 
 
 def _width() -> int:
-    return max(LEAST, shutil.get_terminal_size((text.WIDTH, 0)).columns)
+    return max(LEAST, shutil.get_terminal_size((document.WIDTH, 0)).columns)

@@ -13,7 +13,7 @@ from operate.cli import completion
 from operate.cli.design import files
 from operate.cli.output import Form, Format, tell_problem
 from operate.system import NoSystemError
-from topdown.draw import book, text
+from topdown.draw import book, document
 from topdown.draw.document import Figure, Section
 from topdown.model.design import load
 from topdown.model.errors import TopdownError
@@ -51,7 +51,7 @@ def show(
     """
     with problems(form):
         chosen = chosen_of(what or [], step, agent, protocol)
-        width = shutil.get_terminal_size((text.WIDTH, 0)).columns
+        width = shutil.get_terminal_size((document.WIDTH, 0)).columns
         design = load(files.meant(file))
         choice = book.Choice(chosen, step, agent, protocol, max(40, width))
         sections = book.sections(design, choice)
@@ -61,7 +61,7 @@ def show(
         elif made:
             print("\n".join(f"wrote {path}" for path in made))
         else:
-            print(text.written(sections, max(40, width), long), end="")
+            print(document.written(sections, max(40, width), long), end="")
 
 
 def chosen_of(

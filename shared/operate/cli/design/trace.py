@@ -10,7 +10,7 @@ import typer
 
 from operate.cli.design import files
 from operate.cli.output import Form, Format
-from topdown.check.trace import Evidence, Shown, Traced, trace
+from topdown.check.requirements import Evidence, Shown, Traced, trace
 from topdown.model.design import load
 
 MARKS = {Shown.SEEN: "+", Shown.NAMED: " ", Shown.MISSING: "-"}

@@ -16,7 +16,6 @@ from operate.cli.terminal.console import Console
 from topdown.model.design import load
 from topdown.prove import counterexample, durable, volatile
 from topdown.prove.abstractions import ABSTRACTIONS, NOT_PROVEN
-from topdown.prove.engine import Finding
 from topdown.prove.verify import LAYERS, Task, Verdict, tasks
 
 ANY = "any"
@@ -133,15 +132,12 @@ def line(verdict: Verdict, width: int) -> str:
     lines = [f"  {verdict.what:<28} {faults:<11}{count}  {word}"]
     for text in verdict.open:
         lines += textwrap.wrap(text, width, initial_indent="      ", subsequent_indent="      ")
-    return "\n".join(lines + [_counterexample(finding, width) for finding in verdict.findings])
-
-
-def _counterexample(finding: Finding, width: int) -> str:
-    return f"\n{counterexample.as_text(finding, width)}\n"
+    lines += [f"\n{counterexample.as_text(finding, width)}\n" for finding in verdict.findings]
+    return "\n".join(lines)
 
 
 def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
-    """Return a summary of all verdicts, and of what none of them covers."""
+    """A summary of all verdicts, and of what none of them covers."""
     failed = sum(bool(verdict.findings) for verdict in verdicts)
     opened = sum(bool(verdict.open) for verdict in verdicts)
     states = sum(verdict.states for verdict in verdicts)

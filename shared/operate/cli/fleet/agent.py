@@ -8,9 +8,8 @@ import typer
 
 from agent_runtime.core.control import Order, Pause, Resume
 from agent_runtime.core.errors import JournalError
-from agent_runtime.io.journal import journal_file
-from agent_runtime.io.repair import Repaired
-from agent_runtime.io.repair import repair as repaired
+from agent_runtime.io.journal import Repaired, journal_file
+from agent_runtime.io.journal import repair as repaired
 from operate.cli.errors import FleetError
 from operate.cli.fleet import operator, targets
 from operate.cli.fleet.process_status import Seen

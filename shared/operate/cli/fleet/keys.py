@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from agent_runtime.io import issuing, keys
+from agent_runtime.io import issuing
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import RIGHTS, KeysError
 from operate.cli import completion
@@ -22,7 +22,7 @@ from operate.system import here, of_design
 
 def make(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to; what is there is replaced.")],
-    days: Annotated[float, typer.Option(min=0.01, help="How long they hold.")] = keys.DAYS,
+    days: Annotated[float, typer.Option(min=0.01, help="How long they hold.")] = issuing.DAYS,
     system: Annotated[
         list[str] | None,
         typer.Option(
@@ -55,7 +55,7 @@ def make(
     """
     with problems(form):
         found = here() if design is None else of_design(design)
-        hosts = (*keys.HOSTS, *found.design.agents, *(host or ()))
+        hosts = (*issuing.HOSTS, *found.design.agents, *(host or ()))
         names = [name.strip() for given in system or [found.name] for name in given.split(",") if name.strip()]
         try:
             made = issuing.issue(

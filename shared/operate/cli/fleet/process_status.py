@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager
 import msgspec
 
 from agent_runtime.core.control import Answer, Value
-from agent_runtime.core.inside import Inside
+from agent_runtime.io.heartbeat import Inside
 from operate.proc import Used
 from operate.run_folder import FAULTS_FILE, LIVE_FILE, Fleet, Judged, ProcessState, ProcessStatus
 from operate.system import System

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from agent_runtime.core.inside import Did, Inside, Talk, Waits
+from agent_runtime.io.heartbeat import Did, Inside, Talk, Waits
 from operate.cli.fleet.process_status import LATE_S, Beat, Info, Row
 from operate.cli.fleet.state_words import COLOURS
 from operate.cli.terminal.console import Console

@@ -26,8 +26,8 @@ from operate.cli.fleet import running_fleets
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.rate_tables import size as bytes_in_words
 from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, STEPS, TRAFFIC_FILE, Fleet, ProcessState
+from operate.wording import bytes_in_words
 
 MARKS = (FLEET_FILE, TRAFFIC_FILE, REPORT_FILE, STEPS)
 """A folder with one of these is a run."""

@@ -1,16 +1,21 @@
 """`roco compare`: two sets of runs side by side, for people and for a pipeline that must stop at a regression."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-import msgspec
 import typer
 from rich.table import Table
 
 from operate.cli import completion
-from operate.cli.analysis import analysed
+from operate.cli.errors import UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
+
+if TYPE_CHECKING:
+    from operate.experiments.comparing import Compared, Comparison, Diverged
+    from operate.experiments.intervals import Interval
+    from operate.experiments.run_figures import Said
 
 ABSENT = "-"
 STYLES = {"worse": "red", "better": "green", "shown": "dim"}
@@ -45,97 +50,91 @@ def compare(
       roco compare runs/latest other/traffic.mcap --threshold 20 --format json
     """
     with problems(form):
-        limits = [word for one in threshold or [] for word in ("--threshold", one)]
-        told = msgspec.json.decode(analysed("compare", str(a), str(b), *limits))
+        from operate.experiments import comparing, results
+
+        try:
+            limits = comparing.thresholds(threshold or [])
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+        told = comparing.compared(results.load(a), results.load(b), limits)
         if form is Format.JSON:
             tell_json(told)
         else:
             show(told, Console())
-        if told["regression"]:
+        if told.regression:
             raise typer.Exit(1)
 
 
-def show(told: dict[str, Any], console: Console) -> None:
+def show(told: "Comparison", console: Console) -> None:
     """For people: quantity by quantity, lost seeds, where they diverge, and the conclusion."""
-    console.print(
-        f"A: {told['a']}, {_runs(told['runs'][0])}   B: {told['b']}, {_runs(told['runs'][1])}", highlight=False
-    )
+    console.print(f"A: {told.a}, {_runs(told.runs[0])}   B: {told.b}, {_runs(told.runs[1])}", highlight=False)
     console.print()
-    console.print(quantities(told))
+    console.print(quantities(told.rows))
     console.print()
-    for one in told["lost"][:MOST_SEEDS]:
-        console.print(f"seed {one['seed']} succeeded in A and not in B: {one['why']}", highlight=False)
-    for line in divergences(told):
+    for one in told.lost[:MOST_SEEDS]:
+        console.print(f"seed {one.seed} succeeded in A and not in B: {one.why}", highlight=False)
+    for line in divergences(told.diverged):
         console.print(line, highlight=False)
-    console.print(sentence(told), style="red" if told["regression"] else "", highlight=False)
+    console.print(sentence(told), style="red" if told.regression else "", highlight=False)
 
 
-def quantities(told: dict[str, Any]) -> Table:
+def quantities(rows: "tuple[Compared, ...]") -> Table:
     """A row for each quantity: both sides, how much B is above A with its interval, what that means."""
-    table = Table("", box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for name in ("A", "B", "B to A [%]", "95 %"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("")
-    for row in told["rows"]:
-        share = row["name"] == "success"
-        name = f"{row['name']}, {row['unit']}" if row["unit"] else row["name"]
-        table.add_row(
-            name,
-            _side(row["a"], share),
-            _side(row["b"], share),
-            _percent(row["percent"]),
-            f"{_percent(row['low'])} … {_percent(row['high'])}" if row["low"] is not None else ABSENT,
-            row["verdict"],
-            style=STYLES.get(row["verdict"], ""),
+    numbers = ("A", "B", "B to A [%]", "95 %")
+    drawn = table(("", *numbers, " "), right=numbers, fold=("", " "), header_style="bold")
+    for row in rows:
+        drawn.add_row(
+            f"{row.name}, {row.unit}" if row.unit else row.name,
+            _side(row.a, row.name == "success"),
+            _side(row.b, row.name == "success"),
+            _percent(row.percent),
+            f"{_percent(row.low)} … {_percent(row.high)}" if row.low is not None else ABSENT,
+            row.verdict,
+            style=STYLES.get(row.verdict, ""),
         )
-    return table
+    return drawn
 
 
-def divergences(told: dict[str, Any]) -> list[str]:
+def divergences(pairs: "tuple[Diverged, ...]") -> list[str]:
     """Return lines on where the exchanges of two experiments begin to differ, and in how many seeds."""
-    pairs = told["diverged"]
-    apart = [one for one in pairs if one["first"] is not None]
+    apart = [(one.seed, one.first) for one in pairs if one.first is not None]
     if not pairs:
         return ["nothing to align: no seed whose communicates both sides have"]
     if not apart:
         return [f"the same was said in {_runs(len(pairs))} of each side"]
     lines = [f"what was said differs in {len(apart)} of {len(pairs)} seeds; where it begins:"]
-    for one in apart[:MOST_SEEDS]:
-        first = one["first"]
-        place = f"{first['of']}, conversation {first['conversation']}, communicate {first['position']} of its sender"
-        lines += [f"  seed {one['seed']}: {place}", f"    A: {_said(first['a'])}", f"    B: {_said(first['b'])}"]
+    for seed, first in apart[:MOST_SEEDS]:
+        place = f"{first.of}, conversation {first.conversation}, communicate {first.position} of its sender"
+        lines += [f"  seed {seed}: {place}", f"    A: {_said(first.a)}", f"    B: {_said(first.b)}"]
     return lines
 
 
-def sentence(told: dict[str, Any]) -> str:
+def sentence(told: "Comparison") -> str:
     """Return the conclusion in one sentence."""
-    worse = [row for row in told["rows"] if row["verdict"] == "worse"]
-    if not worse:
-        still = sum(row["verdict"] == "open" for row in told["rows"])
-        more = " (a single run has no interval)" if min(told["runs"]) < 2 else ""
-        return "no regression beyond the thresholds" + (f"; {still} open: more runs would tell{more}" if still else "")
-    names = (f"{row['name']} (threshold {row['threshold']:g})" for row in worse)
-    return f"regression: {', '.join(names)}"
+    worse = [f"{row.name} (threshold {row.threshold:g})" for row in told.rows if row.verdict == "worse"]
+    if worse:
+        return f"regression: {', '.join(worse)}"
+    still = sum(row.verdict == "open" for row in told.rows)
+    more = " (a single run has no interval)" if min(told.runs) < 2 else ""
+    return "no regression beyond the thresholds" + (f"; {still} open: more runs would tell{more}" if still else "")
 
 
-def _side(interval: dict[str, Any] | None, share: bool) -> str:
+def _side(interval: "Interval | None", share: bool) -> str:
     if interval is None:
         return ABSENT
     if share:
-        return f"{100 * interval['value']:.0f} %"
-    value = interval["value"]
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+        return f"{100 * interval.value:.0f} %"
+    return f"{interval.value:.0f}" if abs(interval.value) >= 1000 else f"{interval.value:.3g}"
 
 
 def _percent(value: float | None) -> str:
     return ABSENT if value is None else f"{value:+.1f}"
 
 
-def _said(one: dict[str, Any] | None) -> str:
+def _said(one: "Said | None") -> str:
     if one is None:
         return "nothing more"
-    about = one["text"] or one["kind"]
-    return f"{one['t']:.2f} s  {one['sender']} > {one['receiver']}  {one['performative']}  {about}"
+    return f"{one.t:.2f} s  {one.sender} > {one.receiver}  {one.performative}  {one.text or one.kind}"
 
 
 def _runs(count: int) -> str:

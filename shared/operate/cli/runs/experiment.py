@@ -8,14 +8,13 @@ from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from statistics import median
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from operate.cli import interrupts
-from operate.cli.analysis import analysed
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import running_fleets, starting
 from operate.cli.fleet.up import Rate, SceneFile, Speed
@@ -189,11 +188,14 @@ def _finish(place: Path, form: Form, console: Console) -> None:
     """Make the report of what is there, and say what it says."""
     if form is Format.TEXT:
         console.out("making the report …", highlight=False)
-    told: dict[str, Any] = msgspec.json.decode(analysed("experiment", str(place)))
+    from operate.experiments import make
+
+    told = make.everything(place)
     if form is Format.JSON:
-        console.out(msgspec.json.encode({"kind": DONE, **told}).decode(), highlight=False)
+        line = msgspec.json.encode({"kind": DONE, **msgspec.structs.asdict(told)}).decode()
+        console.out(line, highlight=False)
         return
-    for line in told["lines"]:
+    for line in told.lines:
         console.out(line, highlight=False)
     console.out(f"report: {place / 'report.html'}", highlight=False)
 

@@ -1,17 +1,23 @@
-"""`roco report`: the report of a run made again from its recording, and shown. The recorder's own process makes it."""
+"""What a recording gives: `roco report` makes the report of its run again and shows it, `roco export` makes tables."""
 
+import shutil
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 import typer
 from rich.console import RenderableType
-from rich.table import Table
 
 from operate.cli import completion
-from operate.cli.analysis import analysed
+from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
+from operate.run_folder import TRAFFIC_FILE
+
+if TYPE_CHECKING:
+    from operate.experiments.measures import Shown
 
 ABSENT = "-"
 
@@ -35,20 +41,49 @@ def report(
       roco report runs/latest/traffic.mcap --format json
     """
     with problems(form):
-        words = ["--out", str(out)] if out else []
-        told = msgspec.json.decode(analysed("again", str(recording), *words, about=recording))
+        from operate.experiments import measures
+        from operate.recording.run import Run, opened
+        from operate.reports import make
+        from operate.reports.report import of
+
+        run, complaints = opened(recording), list[str]()
+
+        def complain(event: str, **fields: object) -> None:
+            if fields.get("level") == "error":
+                complaints.append(f"{event}: {str(fields.get('why', '')).strip().splitlines()[-1]}")
+
+        folder = _target(recording, out)
+        if folder is not None:
+            made = run if folder == recording else Run(folder, run.system)
+            if not make.everything(made, complain):
+                raise ConsoleError(complaints[-1])
+        told = of(run.history, run.system)
         if form is Format.JSON:
-            tell_json(told["report"])
+            tell_json(told)
         else:
-            show(told["report"], told["shown"], told["folder"], Console())
-        if told["report"].get("success") is False:
+            show(msgspec.to_builtins(told), measures.shown(told, measures.of(run.system)), folder, Console())
+        if getattr(told, "success", None) is False:
             raise typer.Exit(1)
 
 
-def show(told: dict[str, Any], shown: list[dict[str, Any]], folder: str | None, console: Console) -> None:
+def _target(place: Path, out: Path | None) -> Path | None:
+    """Return the folder for the files: a run's own, or one that gets the recording, too; None: nowhere."""
+    if out is None:
+        return place if place.is_dir() else None
+    source = place / TRAFFIC_FILE if place.is_dir() else place
+    copy = out / TRAFFIC_FILE
+    if source.is_file() and source.resolve() != copy.resolve():
+        if copy.exists():
+            raise UsageError(f"{out} holds a recording already; give another --out")
+        out.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source, copy)
+    return out
+
+
+def show(told: dict[str, Any], shown: "tuple[Shown, ...]", folder: Path | None, console: Console) -> None:
     """Print for people: the verdict, the figures, what happened when, who told whom.
 
-    `shown`: name, unit and value of each figure that the system has beyond the traffic.
+    `shown`: the figures that the system has beyond the traffic.
     """
     console.print(headline(told), highlight=False)
     for part in (figures(told, shown), *([events(told)] if "events" in told else []), matrix(told)):
@@ -74,11 +109,10 @@ def headline(told: dict[str, Any]) -> str:
 _TRUTH = {None: "", True: "; true", False: "; NOT TRUE"}
 
 
-def figures(told: dict[str, Any], shown: list[dict[str, Any]]) -> RenderableType:
+def figures(told: dict[str, Any], shown: "tuple[Shown, ...]") -> RenderableType:
     """Return the figures of the whole run, and of each plan."""
-    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     said = told["communicates"]
-    rows = [(one["name"], _number(one["value"], one["unit"])) for one in shown]
+    rows = [(one.name, _number(one.value, one.unit)) for one in shown]
     rows += [
         ("communicates", f"{said['total']}, {sum(said['bytes'].values()) / 1000:.1f} kB, {said['copies']} sent again"),
     ]
@@ -88,34 +122,27 @@ def figures(told: dict[str, Any], shown: list[dict[str, Any]]) -> RenderableType
     for number, task in enumerate(told.get("tasks", ()), start=1):
         rows.append((f"task {number}", f"{task['asked']}: {'done' if task['success'] else task['failure']}"))
         rows += [("", f"{one['words']}{_TRUTH[one['true']]}") for one in task.get("claims", ())]
-    for name, text in rows:
-        table.add_row(name, text)
-    return table
+    return table(("", ""), rows, fold=("",))
 
 
 def events(told: dict[str, Any]) -> RenderableType:
     """Return the table of events with their times."""
-    table = Table("event", box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for name in ("wall [s]", "simulated [s]"):
-        table.add_column(name, justify="right")
-    for one in told["events"]:
-        table.add_row(one["words"], _number(one["t"]), _number(one["sim_s"]))
-    return table
+    times = ("wall [s]", "simulated [s]")
+    rows = ((one["words"], _number(one["t"]), _number(one["sim_s"])) for one in told["events"])
+    return table(("event", *times), rows, right=times, fold=("event", *times), header_style="bold")
 
 
 def matrix(told: dict[str, Any]) -> RenderableType:
     """Return the matrix of message counts: rows receive, columns send."""
     counts: dict[str, dict[str, int]] = told["communicates"]["matrix"]
-    agents = list(counts)
-    table = Table("to \\ from", box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for sender in (*agents, "received"):
-        table.add_column(sender, justify="right")
-    for receiver in agents:
-        row = [counts[sender].get(receiver, 0) for sender in agents]
-        table.add_row(receiver, *(str(count or "") for count in row), str(sum(row)))
-    sent = [sum(counts[sender].values()) for sender in agents]
-    table.add_row("sent", *map(str, sent), str(sum(sent)))
-    return table
+    heads = ("to \\ from", *counts, "received")
+    drawn = table(heads, right=heads[1:], fold=heads, header_style="bold")
+    for receiver in counts:
+        row = [counts[sender].get(receiver, 0) for sender in counts]
+        drawn.add_row(receiver, *(str(count or "") for count in row), str(sum(row)))
+    sent = [sum(row.values()) for row in counts.values()]
+    drawn.add_row("sent", *map(str, sent), str(sum(sent)))
+    return drawn
 
 
 def _number(value: float | None, unit: str = "") -> str:
@@ -123,3 +150,50 @@ def _number(value: float | None, unit: str = "") -> str:
         return ABSENT
     number = f"{value:.{0 if unit == '%' else 1}f}"
     return f"{number} {unit}" if unit else number
+
+
+# --- `roco export`: a recording as tables for other tools ----------------------
+
+
+class To(StrEnum):
+    """Formats of the export."""
+
+    PARQUET = "parquet"
+    CSV = "csv"
+
+
+class Written(msgspec.Struct, frozen=True):
+    """A table: its file, rows and columns."""
+
+    file: str
+    rows: int
+    columns: int
+
+
+def export(
+    recording: Annotated[
+        Path, typer.Argument(help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True)
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder of the tables; made where missing.")],
+    to: Annotated[To, typer.Option("--to", help="parquet for tools, csv for all else.")] = To.PARQUET,
+    form: Form = Format.TEXT,
+) -> None:
+    """Write what a recording holds as tables: communicates, events, telemetry.
+
+    Examples:
+      roco export runs/latest --to parquet --out tables
+      roco export runs/latest/traffic.mcap --to csv --out tables --format json
+    """
+    with problems(form):
+        from operate.experiments import tables
+        from operate.recording.run import opened
+
+        run = opened(recording)
+        made = tables.of_history(run.history, run.system)
+        files = zip(tables.write(made, out, to), made.values(), strict=True)
+        written = [Written(str(file), table.num_rows, table.num_columns) for file, table in files]
+        if form is Format.JSON:
+            tell_json(written)
+            return
+        for one in written:
+            print(f"{one.file}: {one.rows} rows, {one.columns} columns")

@@ -122,7 +122,8 @@ def plan_tree(view: View, system: System) -> Text:
         return Text("none yet", "dim")
     text = Text(tasks(plan.tasks, system), "bold")
     if plan.outcome:
-        text.append(f"   {ENDED.get(plan.outcome, plan.outcome)}", COLOURS.get(_as_state(plan.outcome), "yellow"))
+        state = {"succeeded": "done", "failed": "failed"}.get(plan.outcome.lower(), "")
+        text.append(f"   {ENDED.get(plan.outcome, plan.outcome)}", COLOURS.get(state, "yellow"))
     here = plan.at.path if plan.at is not None else ()
     for one in shown(plan, PLAN_LINES - 1):
         indent = "  " * (len(one.path) - 1)
@@ -180,7 +181,3 @@ def _wholly_passed(plan: Plan, machine: Names) -> bool:
     """Tell whether this is a machine that was left behind."""
     inside = [one.path for one in plan.states if within(one.path, machine)]
     return bool(inside) and inside[-1] in plan.passed
-
-
-def _as_state(outcome: str) -> str:
-    return {"succeeded": "done", "failed": "failed"}.get(outcome.lower(), "")

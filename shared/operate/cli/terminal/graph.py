@@ -1,6 +1,6 @@
 """`roco top --graph`: agents and channels with what goes over them now: in the terminal, as JSON, or for Graphviz."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import permutations
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ from operate.cli.fleet.process_status import Seen, trouble
 from operate.cli.fleet.state_words import COLOURS, said
 from operate.run_folder import LiveLine, ProcessState, Sent
 from operate.system import System
+from topdown.draw.canvas import tracks
 from topdown.model.design import Design
 
 # --- A graph as an arc diagram of characters: nodes one below the other, each edge an arc to their right -------------
@@ -52,35 +53,23 @@ def rows(nodes: Sequence[str], edges: Edges) -> list[Row]:
     for name, ends in edges.items():
         if not set(ends) <= place.keys() or ends[0] == ends[1]:
             raise ValueError(f"edge {name} joins {ends[0]} and {ends[1]}; there are {', '.join(nodes)}")
-    spans = {name: tuple(sorted(place[end] for end in ends)) for name, ends in edges.items()}
-    lanes = _lanes(spans)
+    spans = {name: (min(place[a], place[b]), max(place[a], place[b])) for name, (a, b) in edges.items()}
+    in_order = sorted(spans, key=lambda name: spans[name])
+    lanes = dict(zip(in_order, tracks([spans[name] for name in in_order], gap=0), strict=True))
     width = 1 + STEP * (max(lanes.values(), default=-1) + 1)
     found: list[Row] = []
     going: set[str] = set()
     for number, node in enumerate(nodes):
-        turns = list(_turns(number, spans, lanes))
+        # the edges that turn at a node: those that end, inner first, then those that begin, outer ones first
+        inner = sorted(spans, key=lambda name: lanes[name])
+        turns = [(name, True) for name in inner if spans[name][1] == number]
+        turns += [(name, False) for name in reversed(inner) if spans[name][0] == number]
         for index, (name, over) in enumerate(turns or [("", False)]):
             going -= {name} if over else set()
             marks = _marks(index, len(turns), name, over, going, lanes, width)
             found.append(Row(node if index == 0 else "", marks, name if over else ""))
             going |= {name} if name and not over else set()
     return found
-
-
-def _lanes(spans: Mapping[str, tuple[int, ...]]) -> dict[str, int]:
-    """Return the column of each edge: short ones inside, none over another."""
-    lanes: dict[str, int] = {}
-    for name, (begin, end) in sorted(spans.items(), key=lambda item: (item[1][1] - item[1][0], item[1])):
-        taken = {lanes[other] for other in lanes if spans[other][0] < end and begin < spans[other][1]}
-        lanes[name] = next(lane for lane in range(len(spans)) if lane not in taken)
-    return lanes
-
-
-def _turns(number: int, spans: Mapping[str, tuple[int, ...]], lanes: Mapping[str, int]) -> Iterator[tuple[str, bool]]:
-    """Yield the edges that turn at a node: those that end, inner first, then those that begin, outer ones first."""
-    here = sorted(spans, key=lambda name: lanes[name])
-    yield from ((name, True) for name in here if spans[name][1] == number)
-    yield from ((name, False) for name in reversed(here) if spans[name][0] == number)
 
 
 def _marks(
@@ -194,7 +183,10 @@ def drawn(found: Graph, system: System) -> Text:
         for mark, channel in row.marks:
             text.append(mark, _light(channels[channel], found.at) if channel else "dim")
         if row.ends:
-            text.append("  ").append_text(_rate(channels[row.ends], found.at))
+            edge = channels[row.ends]
+            rate = f"{edge.per_s:.1f}/s {sized(edge.bytes_per_s)}/s"
+            text.append(f"  {edge.name} ", "bold").append(rate, _light(edge, found.at))
+            text.append(f", {edge.count} in all" if edge.count else ", none yet", "dim")
         text.append("\n")
     return text.append(f"rates over {found.window_s:g} s; {found.where}", "dim")
 
@@ -211,17 +203,10 @@ def _label(node: Node | None, names: int, system: System) -> Text:
 
 
 def _light(edge: Edge, at: float) -> str:
-    """Return the brightness of a channel."""
+    """The brightness of a channel."""
     if edge.last is not None and at - edge.last < JUST_NOW_S:
         return "bold green"
     return "green" if edge.per_s else "dim"
-
-
-def _rate(edge: Edge, at: float) -> Text:
-    text = Text.assemble(
-        (f"{edge.name} ", "bold"), (f"{edge.per_s:.1f}/s {sized(edge.bytes_per_s)}/s", _light(edge, at))
-    )
-    return text.append(f", {edge.count} in all" if edge.count else ", none yet", "dim")
 
 
 def sized(count: float) -> str:

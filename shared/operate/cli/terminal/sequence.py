@@ -1,45 +1,22 @@
-"""A conversation as a sequence diagram of characters: two lifelines, an arrow for each communicate, states beside them.
+"""Sequence diagrams in the terminal: one conversation with its states, or the traffic among many agents as it goes by.
 
-Pure: lines in, text out, as wide as it is told.
+Pure: lines in, text out, as wide as it is told. The arrows are those of topdown.draw.sequence; here come the colours.
 """
 
-from collections.abc import Iterable
+import textwrap
+from collections.abc import Sequence
 
 from rich.cells import cell_len, set_cell_size
 from rich.text import Text
 
 from operate.run_folder import Judged
+from topdown.draw.sequence import Columns
 from topdown.judge.verdicts import Verdict
 
 TIME = 9
 """Columns of the time."""
-LEAST, MOST = 24, 64
-"""Columns between the lifelines: fewer would not hold a performative with its size, more is hard to follow by eye."""
-STATES = 20
-"""Columns of each side's state, where there is room."""
 QUIET = {Verdict.LEGAL: "", Verdict.COPY: "dim", Verdict.SLOW: "yellow", Verdict.NOT_JUDGED: "dim"}
 MARKS = {Verdict.COPY: "copy", Verdict.SLOW: "slow", Verdict.NOT_JUDGED: "not judged"}
-
-
-def heading(channel: str, protocol: str, conversation: str, states: tuple[str, str], ended: bool) -> Text:
-    """Return the heading: channel, protocol, conversation and both states."""
-    text = Text.assemble((conversation, "bold"), f"  {protocol} on {channel}  ")
-    return text.append("ended" if ended else "goes on", "dim" if ended else "cyan")
-
-
-def drawn(said: Iterable[Judged], initiator: str, participant: str, width: int) -> Text:
-    """The diagram. Above an arrow the act and its size, below it what it says; why, where it is not as designed."""
-    said = tuple(said)
-    side = max([4, *map(cell_len, (initiator, participant)), *(cell_len(one.initiator) for one in said)])
-    side = min(STATES, side)
-    gap = max(LEAST, min(MOST, width - TIME - 2 * side - 6))
-    diagram = Text(no_wrap=True)
-    diagram.append(f"{'':{TIME}} {initiator:>{side}} ", "bold").append(f"{'':{gap + 2}}").append(
-        f" {participant}\n", "bold"
-    )
-    for one in said:
-        diagram.append_text(_step(one, said[0].t, initiator, side, gap, width))
-    return diagram
 
 
 def seconds(span: float) -> str:
@@ -49,51 +26,99 @@ def seconds(span: float) -> str:
     return f"{span:.2f} s" if span < 100 else f"{span:.0f} s"
 
 
-def style_of(one: Judged) -> str:
-    """Return the style of what the judge says of a communicate; "" where there is nothing to say."""
-    return "red" if one.violation else QUIET.get(Verdict(one.verdict), "")
-
-
 def mark(one: Judged) -> str:
-    """Return the verdict in a word, where it is not simply legal."""
+    """The verdict in a word, where it is not simply legal."""
     return one.verdict.upper() if one.violation else MARKS.get(Verdict(one.verdict), "")
 
 
-def fit(words: str, room: int) -> str:
-    """As much of it as there is room for."""
+def _style(one: Judged) -> str:
+    return "red" if one.violation else QUIET.get(Verdict(one.verdict), "")
+
+
+def _fit(words: str, room: int) -> str:
     return words if cell_len(words) <= room else set_cell_size(words, max(0, room - 1)) + "…" * (room > 0)
 
 
-def _step(one: Judged, begin: float, initiator: str, side: int, gap: int, width: int) -> Text:
-    """The lines of one communicate."""
-    style = style_of(one)
-    forth = one.sender == initiator
-    margin, blank = " " * (TIME + 1), " " * side
-    label = fit(f"{one.performative}  {_size(one.bytes)}", gap)
-    left, right = (fit(one.initiator, side).rjust(side), one.participant) if one.initiator else (blank, "")
-    text = Text(no_wrap=True)
-    text.append(f"{'+' + seconds(one.t - begin):>{TIME}} ", "dim").append(blank).append(f" │{label:^{gap}}│\n", style)
-    arrow = "─" * (gap - 1)
-    text.append(margin).append(left, "dim").append(f" │{arrow + '▶' if forth else '◀' + arrow}│ ", style)
-    text.append(f"{fit(right, max(0, width - TIME - side - gap - 6))}\n", "dim")
-    for words in (one.text, mark(one)):
-        if words:
-            text.append(f"{margin}{blank} │").append(f"{fit(words, gap):^{gap}}", style or "italic").append("│\n")
-    if one.violation and one.why:
-        text.append_text(_reason(one.why, len(margin) + side + 3, width))
+# --- A conversation ---------------------------------------------------------------------------------------------------
+
+
+NEAREST, FARTHEST = 24, 64
+"""Columns between the lifelines: fewer would not hold a performative with its size, more is hard to follow by eye."""
+STATES = 20
+"""Columns of each side's state, where there is room."""
+
+
+def heading(channel: str, protocol: str, conversation: str, ended: bool) -> Text:
+    """Conversation, protocol, channel, and whether it goes on."""
+    text = Text.assemble((conversation, "bold"), f"  {protocol} on {channel}  ")
+    return text.append("ended" if ended else "goes on", "dim" if ended else "cyan")
+
+
+def drawn(said: Sequence[Judged], initiator: str, participant: str, width: int) -> Text:
+    """The diagram. On an arrow the act and its size, below it what it says; why, where it is not as designed.
+
+    Beside an arrow stand the states after it.
+    """
+    side = max([4, *map(cell_len, (initiator, participant)), *(cell_len(one.initiator) for one in said)])
+    side = min(STATES, side)
+    gap = max(NEAREST, min(FARTHEST, width - TIME - 2 * side - 6))
+    columns, indent = Columns((initiator, participant), gap + 1), TIME + side + 2
+    text = Text(f"{'':{TIME}} {initiator:>{side}} {'':{gap + 2}} {participant}\n", "bold", no_wrap=True)
+    for one in said:
+        style, size = _style(one), f"{one.bytes} B" if one.bytes < 1000 else f"{one.bytes / 1000:.3g} kB"
+        left, right = (one.initiator, one.participant) if one.initiator else ("", "")
+        text.append(f"{'+' + seconds(one.t - said[0].t):>{TIME}} {_fit(left, side):>{side}} ", "dim")
+        text.append(columns.arrow(one.sender, one.receiver, _fit(f"{one.performative}  {size}", gap)), style)
+        text.append(f" {_fit(right, max(0, width - indent - gap - 3))}\n", "dim")
+        for words in filter(None, (one.text, mark(one))):
+            text.append(f"{'':{indent}}{columns.between(_fit(words, gap))}\n", style or "italic")
+        if one.violation and one.why:
+            room = max(20, width - indent - 1)
+            text.append("\n".join(f"{'':{indent + 1}}{line}" for line in textwrap.wrap(one.why, room)) + "\n", "red")
     return text
 
 
-def _reason(why: str, indent: int, width: int) -> Text:
-    """Return the reason, wrapped below its line."""
-    text, line = Text(no_wrap=True), ""
-    for word in why.split():
-        if line and cell_len(line) + 1 + cell_len(word) > max(20, width - indent):
-            text.append(" " * indent + line + "\n", "red")
-            line = ""
-        line = f"{line} {word}".strip()
-    return text.append(" " * indent + line + "\n", "red")
+# --- The traffic among many agents: line by line, so that it can be drawn as it goes by -------------------------------
 
 
-def _size(count: int) -> str:
-    return f"{count} B" if count < 1000 else f"{count / 1000:.3g} kB"
+LEAST, MOST = 12, 24
+"""Columns from lifeline to lifeline: fewer would cut most performatives, more is hard to follow by eye (estimates)."""
+WORDS = 24
+"""Columns left for what is said beside the lifelines, where the terminal is wide enough."""
+
+
+class Lifelines:
+    """The columns of a diagram: `agents` from left to right, as wide as `width` allows."""
+
+    def __init__(self, agents: Sequence[str], width: int) -> None:
+        gaps = max(1, len(agents) - 1)
+        self.gap = max(LEAST, min(MOST, (width - TIME - WORDS) // (gaps + 1)))
+        self.columns = Columns(agents, self.gap)
+        self.first = TIME + 1 + self.gap // 2
+        self.end = self.first + self.columns.width
+        self.room = max(0, width - self.end - 1)
+
+    def heading(self) -> Text:
+        """The names of the agents above their lifelines."""
+        line = " " * (TIME + 1) + "".join(f"{_fit(name, self.gap - 1):^{self.gap}}" for name in self.columns.at)
+        return Text(line.rstrip(), "bold", no_wrap=True)
+
+    def row(self, one: Judged, begin: float, room: int) -> Text:
+        """A communicate: time since `begin`, an arrow from lifeline to lifeline, and as much of what it says as `room`
+        columns hold; of a violation the reason below.
+        """
+        style = _style(one)
+        since = one.t - begin  # below 0 where a verdict came later than that of what followed
+        clock = ("+" if since >= 0 else "-") + seconds(abs(since))
+        text = Text(no_wrap=True).append(f"{clock:>{TIME}}", "dim")
+        arrow = self.columns.arrow(one.sender, one.receiver, one.performative)
+        if arrow:
+            text.append(f"{'':{self.first - TIME}}{arrow}", style)
+        else:
+            who = f"{one.sender} > {one.receiver} {one.performative}"
+            words = _fit(f" {who if one.sender else f'{one.bytes} bytes on {one.key}'} ", self.end - TIME - 2)
+            text.append(f" {words:─^{max(0, self.end - TIME - 1 - cell_len(words) + len(words))}}", style)
+        text.append(_fit(f" {' '.join(filter(None, (one.channel, one.text, mark(one))))}", room), style or "italic")
+        if one.violation and one.why:
+            text.append(f"\n{'':{TIME + 1}}{one.why}", "red")
+        return text

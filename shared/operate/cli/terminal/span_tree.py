@@ -35,7 +35,7 @@ class Line(msgspec.Struct, frozen=True):
 
 
 def drawn(trace: Trace, root: Span, width: int, *, every: bool = False) -> Table:
-    """Return the tree below a span; `every`: also many alike get a line each."""
+    """The tree below a span; `every`: also many alike get a line each."""
     lines = list(_lines(trace, root, every=every))
     until = max(line.end or line.start for line in lines)
     bar = min(MOST_BAR, max(LEAST_BAR, width // 5))
@@ -61,7 +61,7 @@ def drawn(trace: Trace, root: Span, width: int, *, every: bool = False) -> Table
 
 
 def listed(trace: Trace, width: int) -> Table:
-    """Return all that can be traced, oldest first."""
+    """All that can be traced, oldest first."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim", width=width)
     for name, justify in (("task", "left"), ("between", "left"), ("at", "right"), ("took", "right"), ("said", "right")):
         table.add_column(name, no_wrap=True, justify=justify)  # type: ignore[arg-type]
@@ -81,7 +81,7 @@ def result(span: Span) -> str:
 
 
 def style_of(span: Span) -> str:
-    """Return the colour of a conversation."""
+    """The colour of a conversation."""
     return WRONG if span.bad else CALM if span.ended else OPEN
 
 
@@ -92,7 +92,7 @@ def _lines(trace: Trace, span: Span, branch: str = "", below: str = "", *, every
     for _, beside in groupby(span.beside, key=lambda one: (one.sender, one.receiver, one.protocol)):
         rows.append(tuple(beside))
     rows += _grouped(trace, trace.children(span), every=every)
-    rows.sort(key=_begin)
+    rows.sort(key=lambda row: row[0].sent if isinstance(row[0], Message) else row[0].start)
     for n, row in enumerate(rows):
         last = n == len(rows) - 1
         here, under = below + ("└─ " if last else "├─ "), below + ("   " if last else "│  ")
@@ -102,11 +102,6 @@ def _lines(trace: Trace, span: Span, branch: str = "", below: str = "", *, every
             yield from _lines(trace, row[0], here, under, every=every)
         else:
             yield _many(tuple(one for one in row if isinstance(one, Span)), here)
-
-
-def _begin(row: tuple[Span, ...] | tuple[Message, ...]) -> float:
-    first = row[0]
-    return first.sent if isinstance(first, Message) else first.start
 
 
 def _grouped(trace: Trace, children: Sequence[Span], *, every: bool) -> Iterator[tuple[Span, ...]]:
@@ -143,7 +138,7 @@ def _beside(said: tuple[Message, ...], branch: str) -> Line:
 
 
 def _bar(line: Line, begin: float, until: float, columns: int) -> str:
-    """Return a bar from the start of a line to its end, at the scale of the tree; a mark for a moment."""
+    """A bar from the start of a line to its end, at the scale of the tree; a mark for a moment."""
     scale = columns / (until - begin) if until > begin else 0.0
     left = min(columns - 1, max(0, int((line.start - begin) * scale)))
     if line.end is None:

@@ -1,6 +1,5 @@
 """`roco conversation`: list the conversations of a run, and show one as a sequence diagram in the terminal."""
 
-from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -8,7 +7,6 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from operate.cli import completion
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
@@ -16,9 +14,9 @@ from operate.cli.terminal import sequence
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.filter_options import Agents, Channels, Performatives, Protocols, Recorded, wanted
 from operate.cli.traffic.listen import about
-from operate.cli.traffic.verdicts import judged, told
+from operate.cli.traffic.subject import Subject, lines_of
 from operate.run_folder import Judged
-from operate.system import NoSystemError
+from operate.tracing.trace import is_meant
 from topdown.judge import follow
 from topdown.judge.verdicts import Verdict
 from topdown.model.design import Design
@@ -40,20 +38,8 @@ class Conversation(msgspec.Struct, frozen=True):
     said: tuple[Judged, ...]
 
 
-def names(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the conversations of the run that the options before the word name, for the shell to complete."""
-    recording, run_dir = (completion.path_given(ctx, name) for name in ("run", "run_dir"))
-    try:
-        lines = _lines(recording, run_dir, ctx.params.get("target") or "")
-    except (ConsoleError, NoSystemError):
-        return []
-    return completion.among(dict.fromkeys(one.conversation for one in lines), incomplete)
-
-
 def conversation(
-    id: Annotated[
-        str, typer.Argument(metavar="[ID]", help="A conversation, as the list names it.", autocompletion=names)
-    ] = "",
+    subject: Subject = "",
     channel: Channels = None,
     agent: Agents = None,
     protocol: Protocols = None,
@@ -83,21 +69,21 @@ def conversation(
         which = wanted(design, channel, agent, protocol, performative)
         kept = [
             one
-            for one in conversations(_lines(run, run_dir, target), design)
+            for one in conversations(lines_of(run, target, run_dir), design)
             if any(map(which.keeps, one.said))
             and open_ in (None, not one.ended)
             and (one.violations or not wrong)
-            and id in ("", one.id)
+            and (not subject or is_meant(subject, one.id, one.participant))
         ]
-        if id and not kept:
-            raise ConsoleError(f"no conversation {id!r} in this run; `roco conversation` lists them")
+        if subject and not kept:
+            raise ConsoleError(f"no conversation {subject!r} in this run; `roco conversation` lists them")
         if form is Format.JSON:
-            tell_json(kept if id else [msgspec.structs.replace(one, said=()) for one in kept])
+            tell_json(kept if subject else [msgspec.structs.replace(one, said=()) for one in kept])
             return
         console = Console()
-        if id:
+        if subject:
             for one in kept:
-                console.print(sequence.heading(one.channel, one.protocol, one.id, one.states, one.ended))
+                console.print(sequence.heading(one.channel, one.protocol, one.id, one.ended))
                 console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
         else:
             console.print(table(kept))
@@ -152,9 +138,3 @@ def _made(said: list[Judged], design: Design) -> Conversation:
         violations=sum(one.violation for one in said),
         said=tuple(said),
     )
-
-
-def _lines(run: Path | None, run_dir: Path | None, target: str) -> list[Judged]:
-    if run is None:
-        return targets.find(target, run_dir).verdicts()
-    return told(run) if run.is_dir() else judged(run)

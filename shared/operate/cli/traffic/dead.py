@@ -1,23 +1,20 @@
 """`roco traffic dead`: the communicates of a run that nobody took, and why."""
 
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 
-import msgspec
-from rich.table import Table
 from rich.text import Text
 
-from operate.cli.analysis import analysed
 from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import Cell, table
 from operate.cli.traffic.filter_options import Agents, Recorded, wanted
 from operate.cli.traffic.listen import about
 from operate.run_folder import DeadLetter
-
-_decoder = msgspec.json.Decoder(DeadLetter)
 
 
 def dead(
@@ -39,15 +36,18 @@ def dead(
     """
     with problems(form):
         which = wanted(about(run, run_dir, target).design, None, agent, None, None).agents
-        folder = _folder(run, run_dir, target)
-        lines = analysed("dead", str(folder), about=folder).splitlines()
-    letters = [one for one in map(_decoder.decode, lines) if not which or {one.sender, one.receiver} & {*which}]
+        from operate.recording import dead
+        from operate.recording.run import Run
+
+        found = dead.letters(Run(_folder(run, run_dir, target)))
+    letters = [one for one in found if not which or {one.sender, one.receiver} & {*which}]
     if form is Format.JSON:
         tell_json(letters)
         return
     console = Console(highlight=False)
     if letters:
-        console.print(_table(letters))
+        heads = ("at", "reason", "from > to", "act", "protocol", "id", "why")
+        console.print(table(heads, _rows(letters), fold=("why",)))
     console.print(f"{len(letters)} dead letter{'s' * (len(letters) != 1)}", style="dim")
 
 
@@ -63,14 +63,8 @@ def _folder(run: Path | None, run_dir: Path | None, target: str) -> Path:
     return fleet.run
 
 
-def _table(letters: list[DeadLetter]) -> Table:
-    """A line for each, and below it why."""
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("at", "reason", "from > to", "act", "protocol", "id"):
-        drawn.add_column(name, no_wrap=True)
-    drawn.add_column("why", overflow="fold")
+def _rows(letters: list[DeadLetter]) -> Iterator[tuple[Cell, ...]]:
     for one in letters:
         at = datetime.fromtimestamp(one.t).strftime("%H:%M:%S.%f")[:-3]
         who = f"{one.sender or '?'} > {one.receiver or '?'}" if one.sender or one.receiver else one.key
-        drawn.add_row(at, Text(one.reason, "red"), who, one.performative, one.protocol, one.id, Text(one.why))
-    return drawn
+        yield at, Text(one.reason, "red"), who, one.performative, one.protocol, one.id, Text(one.why)

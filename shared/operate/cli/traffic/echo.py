@@ -18,7 +18,6 @@ from fipa_codec.communicate import Communicate, decode
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
-from operate.cli.traffic import rate_tables
 from operate.cli.traffic.filter_options import (
     Agents,
     Channels,
@@ -34,6 +33,7 @@ from operate.filters import Filter
 from operate.run_folder import Judged
 from operate.system import System
 from operate.verdict_lines import line
+from operate.wording import bytes_in_words
 from topdown.judge.judge import Judge
 from topdown.judge.verdicts import Judgement, Verdict
 
@@ -166,7 +166,7 @@ def drawn(one: Judged, width: int, names: int) -> Text:
     text = Text(no_wrap=True)
     text.append(f"{clock} ", "dim").append(f"{one.channel:2} ").append(f"{who:{names}} ", "bold")
     text.append(f"{one.performative:11} ", "cyan").append(f"{one.protocol:10} ", "dim")
-    text.append(f"{rate_tables.size(one.bytes):>7}  ")
+    text.append(f"{bytes_in_words(one.bytes):>7}  ")
     room = width - cell_len(text.plain) - len(one.verdict) - 1
     words = one.text or one.key
     if width == ENDLESS:

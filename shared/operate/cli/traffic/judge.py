@@ -11,10 +11,13 @@ from rich.text import Text
 
 from operate import verdict_lines
 from operate.cli import completion
+from operate.cli.errors import UsageError
 from operate.cli.output import Form, Format, problems
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.verdicts import JudgeError, judged
+from operate.cli.terminal.table import table
+from operate.cli.traffic.verdicts import judged
 from operate.run_folder import Judged
+from operate.system import languages_at, of_design, of_run
 from topdown.judge.verdicts import VIOLATIONS, Verdict
 
 MOST = 40
@@ -53,9 +56,12 @@ def judge(
       roco traffic judge runs/latest/traffic.mcap --format json
     """
     with problems(form):
-        lines = judged(file, design, languages)
+        system = of_run(file) if design is None else of_design(design)
+        if languages:
+            system = msgspec.structs.replace(system, languages=languages_at(languages))
+        lines = judged(file, system)
         if not lines:
-            raise JudgeError(f"{file} has no communicates to judge; give a recording in which agents spoke", usage=True)
+            raise UsageError(f"{file} has no communicates to judge; give a recording in which agents spoke")
     found = summary(lines)
     if form is Format.JSON:
         print(msgspec.json.encode(found).decode())
@@ -87,16 +93,14 @@ def show(found: Judgements, console: Console) -> None:
 
 def counts(found: Judgements) -> Table:
     """Return the number of each verdict on each channel; verdicts that never occurred are left out."""
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
-    table.add_column("")
-    for name in (*found.channels, "in all"):
-        table.add_column(name, justify="right", no_wrap=True)
+    channels = (*found.channels, "in all")
+    drawn = table(("", *channels), right=channels, fold=("",), header_style="bold")
     for verdict in Verdict:
         row = [counted.get(verdict, 0) for counted in found.channels.values()]
         if any(row):
             cells = [str(count) if count else "·" for count in (*row, sum(row))]
-            table.add_row(verdict, *cells, style="red" if verdict in VIOLATIONS else "")
-    return table
+            drawn.add_row(verdict, *cells, style="red" if verdict in VIOLATIONS else "")
+    return drawn
 
 
 def violation(one: Judged, begin: float) -> Text:

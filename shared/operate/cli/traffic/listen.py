@@ -1,16 +1,16 @@
 """The traffic that the verbs of `roco traffic` look at: what goes by in a running fleet, or what a recording holds.
 
-Both are samples, so that whatever looks at the one looks at the other. A process of the recorder reads them, whose
-business recordings and agents' logs are: here, or in the container of a fleet's monitor.
+Both are samples, so that whatever looks at the one looks at the other. What goes by is told by a process of the
+recorder: here, or in the container of a fleet's monitor.
 """
 
 import os
-import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 
@@ -19,19 +19,21 @@ from agent_runtime.io.run_files import KEYS_VARIABLE
 from agent_runtime.io.tap import Sample, Waiting
 from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import FipaError
-from operate.cli.analysis import command, environment
-from operate.cli.errors import NoRunError, UsageError
+from operate.cli.errors import NoRunError
 from operate.cli.fleet import hear, identity, targets
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.system import System, of_run
 
 if TYPE_CHECKING:
+    import subprocess
+
     from operate.cli.fleet.compose import Compose
 
 HOUSE = "_"
 KEY_CHUNKS = 7
-_decoder = msgspec.json.Decoder(Sample)
+RECORDING = "operate.recording"
+"""The module whose `hear` prints what goes by."""
 
 
 Samples = Iterator[Sample | None]
@@ -59,23 +61,19 @@ class Said(msgspec.Struct, frozen=True):
             return None
 
 
+def fields_of(one: Communicate) -> dict[str, Any]:
+    """A communicate by the names of its fields, its content as what it is; without `content` where it has none."""
+    told = msgspec.structs.asdict(one)
+    content = told.pop("content")
+    return told if content is msgspec.UNSET else told | {"content": msgspec.msgpack.decode(content)}
+
+
 def said(sample: Sample) -> Said | None:
     """Return the communicate, by its key; None for other samples (tokens, receipts, telemetry)."""
     chunks = sample.key.split("/")
     if sample.token or len(chunks) != KEY_CHUNKS or chunks[2] == HOUSE:
         return None
-    channel, sender, receiver, protocol, performative = chunks[2:]
-    return Said(
-        sample.at,
-        sample.key,
-        sample.data,
-        sample.size or len(sample.data),
-        channel,
-        sender,
-        receiver,
-        protocol,
-        performative,
-    )
+    return Said(sample.at, sample.key, sample.data, sample.size or len(sample.data), *chunks[2:])
 
 
 def at_run(run_dir: Path | None) -> Options:
@@ -153,33 +151,20 @@ def hearing(run_dir: Path | None, target: str = "") -> Iterator[tuple[System, "s
     """The process that prints what goes by in the running fleet. Raises ConsoleError where there is none."""
     fleet = meant(target, run_dir)
     if isinstance(fleet, Options):
-        system, words = of_run(fleet.run_dir), command("hear", *_at(fleet))
+        system, words = of_run(fleet.run_dir), [sys.executable, "-P", "-m", RECORDING, "hear"]
+        words += ["--connect", fleet.connect, "--system", fleet.system, "--run-dir", str(fleet.run_dir)]
+        words += ["--keys", str(fleet.keys) if fleet.keys else ""]
     else:
         system, words = fleet.system, fleet.hearing()
-    with hear.hearing(words, environment(system)) as process:
+    with hear.hearing(words, os.environ | system.environment(Path())) as process:
         yield system, process
-
-
-def _at(options: Options) -> list[str]:
-    """Return the options of `hear` that name the fleet."""
-    words = ["--connect", options.connect, "--system", options.system, "--run-dir", str(options.run_dir)]
-    return [*words, "--keys", str(options.keys) if options.keys else ""]
 
 
 def recorded(file: Path, *, everything: bool = False) -> Samples:
     """Yield the contents of a run folder or a recording, in order. `everything`: not only communicates and tokens.
 
-    Raises UsageError if no recording is found.
+    Raises NothingToRead if no recording is found.
     """
-    asked, pipe = command("said", str(file), *(["--everything"] if everything else [])), subprocess.PIPE
-    with subprocess.Popen(asked, env=environment(of_run(file)), stdout=pipe, stderr=pipe) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        try:
-            for line in process.stdout:
-                yield _decoder.decode(line)
-            words = process.stderr.read().decode(errors="replace").strip()
-        finally:
-            process.kill()
-    if process.returncode > 0:
-        raise UsageError(words.splitlines()[-1] if words else f"{file} cannot be read")
+    from operate.recording.run import opened
+
+    yield from opened(file).samples(everything=everything)

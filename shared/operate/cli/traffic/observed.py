@@ -1,17 +1,12 @@
-"""Traffic heard in a run, for comparing it with a design. The recorder's own process reads its recordings."""
+"""Traffic heard in a run, for comparing it with a design."""
 
-import subprocess
 from pathlib import Path
 
 import msgspec
 
-from operate.cli.analysis import command, environment
 from operate.cli.errors import ConsoleError, NoRunError
-from operate.system import of_run
-from topdown.check.observe import Observed
-
-TIMEOUT_S = 120.0
-"""A run of an hour is read in some seconds; estimate."""
+from operate.run_folder import NothingToRead
+from topdown.check.recorded import Observed
 
 
 def recording(run: Path) -> Observed:
@@ -23,12 +18,14 @@ def recording(run: Path) -> Observed:
     folder = run.parent if run.is_file() else run
     if not folder.is_dir():
         raise NoRunError(str(run))
-    told = command("observations", str(folder))
-    done = subprocess.run(told, env=environment(of_run(folder)), capture_output=True, timeout=TIMEOUT_S, check=False)
-    if done.returncode:
-        last = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["no reason given"]
-        raise ConsoleError(f"the recording in {folder} cannot be read ({last[0]}); install the extra `monitor`")
-    found = msgspec.json.decode(done.stdout, type=Observed)
+    try:
+        from operate.recording.run import Run
+
+        found = Run(folder).observed()
+    except (NothingToRead, ModuleNotFoundError) as error:
+        raise ConsoleError(
+            f"the recording in {folder} cannot be read ({error}); install the extra `monitor`"
+        ) from error
     if not found.communicates:
         raise ConsoleError(f"{folder} holds no recorded communicates; give a run's folder, with its traffic.mcap")
     return found

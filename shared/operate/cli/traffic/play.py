@@ -1,14 +1,18 @@
-"""Saying samples again, on time: the clock, the times inside communicates, and how it went."""
+"""Saying samples again, on time: the clock, the times inside communicates, how it went, and what differs then."""
 
+import os
 import time
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import msgspec
 
+from agent_runtime.impersonation import Stage
 from agent_runtime.io.tap import Sample
-from agent_runtime.testing.stand_in import Stage
 from fipa_codec.communicate import Communicate, encode
 from operate.cli.traffic.listen import said
+from operate.system import System
 
 LOOK_S = 0.1
 
@@ -98,3 +102,48 @@ class Player:
             self._communicates, self._others, self._loops, round(seconds, 3), round(self._span, 3), late,
             stage.system, stage.endpoint,
         )  # fmt: skip
+
+
+# --- Where what is said, or put out, differs from what is recorded ----------------------------------------------------
+
+
+MOST_WORDS = 160
+
+
+def difference(was: Any, now: Any, place: str = "") -> tuple[str, Any, Any] | None:
+    """The first place where two values differ, and what stands there in both; None where they are the same."""
+    if type(was) is not type(now):
+        return place, was, now
+    if isinstance(was, dict):
+        for key in (*was, *(key for key in now if key not in was)):
+            where = f"{place}.{key}" if place else str(key)
+            if key not in was or key not in now:
+                return where, was.get(key), now.get(key)
+            found = difference(was[key], now[key], where)
+            if found is not None:
+                return found
+        return None
+    if isinstance(was, list):
+        for n, (one, other) in enumerate(zip(was, now, strict=False)):
+            found = difference(one, other, f"{place}[{n}]")
+            if found is not None:
+                return found
+        return None if len(was) == len(now) else (f"{place} (length)", len(was), len(now))
+    return None if was == now else (place, was, now)
+
+
+def short(value: Any) -> str:
+    """A value in JSON, cut off where it is long; None: nothing."""
+    text = "nothing" if value is None else msgspec.json.encode(value).decode()
+    return text if len(text) <= MOST_WORDS else text[: MOST_WORDS - 1] + "…"
+
+
+def as_agent(system: System, run: Path, settings: dict[str, str]) -> dict[str, str]:
+    """The environment of an agent of this system that is run again; `settings`: its options, as in ROCO_NAME."""
+    told = {"TLS_DIR": "", "LOG_LEVEL": "error"} | settings
+    return os.environ | system.environment(run) | {f"ROCO_{name}": value for name, value in told.items()}
+
+
+def compared(recorded: Any, now: Any) -> str:
+    """Both values of a difference, a line for each."""
+    return f"  recorded: {short(recorded)}\n  now:      {short(now)}"

@@ -1,21 +1,25 @@
 """`roco traffic stats`: how often, how much, how large, live and of a recording."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 from enum import StrEnum
+from itertools import pairwise
+from math import fsum
 from pathlib import Path
-from typing import Annotated
+from statistics import fmean, pstdev
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import msgspec
 import typer
 from rich.console import Group
 from rich.live import Live
+from rich.table import Table
 from rich.text import Text
 
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
-from operate.cli.traffic import rate_tables
 from operate.cli.traffic.filter_options import (
     Agents,
     Channels,
@@ -26,9 +30,214 @@ from operate.cli.traffic.filter_options import (
     Seconds,
     wanted,
 )
-from operate.cli.traffic.listen import Source, about, said, source
-from operate.cli.traffic.rate_tables import Tally
+from operate.cli.traffic.listen import Said, Source, about, said, source
 from operate.filters import Filter
+from operate.quantiles import quantile, tail
+from operate.wording import bytes_in_words
+
+# --- Counts, sizes and rates of the traffic, by channel and performative ---------------------------------------------
+# Pure: communicates in, figures out; times are those at which things were heard.
+
+
+WINDOW = 10_000
+"""Number of the newest messages of a row that its figures are made from, as with `ros2 topic hz`."""
+OPEN_QUESTIONS = 10_000
+"""Questions whose answers are waited for; estimate: a fleet has some dozen open."""
+NEWS = ("subscribe", "inform")
+"""Comes when there is news, long after it was asked for: no measure of an answer."""
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+class Flow:
+    """One row: `count` and `bytes` of all, the rest of the newest WINDOW. Times in unix seconds, spans in seconds."""
+
+    def __init__(self, channel: str, performative: str) -> None:
+        self.channel, self.performative = channel, performative
+        self.count = self.bytes = 0
+        self.sizes: deque[int] = deque(maxlen=WINDOW)
+        self.times: deque[float] = deque(maxlen=WINDOW)
+        self.answers: deque[float] = deque(maxlen=WINDOW)
+
+    def add(self, at: float, size: int) -> None:
+        """One more."""
+        self.count += 1
+        self.bytes += size
+        self.sizes.append(size)
+        self.times.append(at)
+
+    @property
+    def gaps(self) -> list[float]:
+        """From each to the next."""
+        times = list(self.times)
+        return [later - earlier for earlier, later in pairwise(times)]
+
+
+class Tally:
+    """Takes what was said; `rows` are the flows of what the filter keeps. `began`, `last`: [unix s], 0 before any."""
+
+    def __init__(self, wanted: Filter) -> None:
+        self._wanted = wanted
+        self._flows: dict[tuple[str, str], Flow] = {}
+        self._asked: dict[tuple[str, str, str], float] = {}
+        self._answered: dict[tuple[str, str, str, str], None] = {}
+        self.began = self.last = 0.0
+        self.count = self.bytes = 0
+
+    def take(self, one: Said) -> bool:
+        """Count it; whether the filter keeps it. Questions count for the latency of answers though it does not."""
+        span = self._latency(one)
+        if not self._wanted.keeps(one):
+            return False
+        flow = self._flows.setdefault((one.channel, one.performative), Flow(one.channel, one.performative))
+        flow.add(one.at, one.size)
+        if span is not None:
+            flow.answers.append(span)
+        self.began, self.last = self.began or one.at, one.at
+        self.count += 1
+        self.bytes += one.size
+        return True
+
+    @property
+    def rows(self) -> list[Flow]:
+        """By channel, then by who comes first."""
+        return sorted(self._flows.values(), key=lambda flow: flow.channel)
+
+    def _latency(self, one: Said) -> float | None:
+        """From what it answers to it; a copy answers nothing again."""
+        communicate = one.communicate()
+        if communicate is None:
+            return None
+        talk, label = communicate.conversation, communicate.in_reply_to
+        if communicate.reply_with:
+            _keep(self._asked, (talk, one.sender, communicate.reply_with), one.at)
+        begun = self._asked.get((talk, one.receiver, label)) if label else None
+        name = (talk, one.sender, one.receiver, communicate.id)
+        if begun is None or name in self._answered or (one.protocol, one.performative) == NEWS:
+            return None
+        _keep(self._answered, name, None)
+        return one.at - begun
+
+
+def _keep(those: dict[K, V], key: K, value: V) -> None:
+    """The first value of a key; the oldest is forgotten where there are too many."""
+    those.setdefault(key, value)
+    if len(those) > OPEN_QUESTIONS:
+        del those[next(iter(those))]
+
+
+# --- The four tables of `roco traffic` --------------------------------------------------------------------------------
+
+
+Value = float | int | None
+
+
+class Column(NamedTuple):
+    """`name`: in JSON, with its unit; `head`: for people. `value`: of a flow, in a given time [s]."""
+
+    name: str
+    head: str
+    value: Callable[[Flow, float], Value]
+    words: Callable[[Any], str]
+
+
+def rate(value: float) -> str:
+    """Hertz."""
+    return f"{value:.2f}" if value < 100 else f"{value:.0f}"
+
+
+def span(value: float) -> str:
+    """Seconds, or less."""
+    amount, unit = (1000 * value, "ms") if value < 1 else (value, "s")
+    return f"{amount:.2f} {unit}" if amount < 10 else f"{amount:.1f} {unit}" if amount < 100 else f"{amount:.0f} {unit}"
+
+
+def speed(value: float) -> str:
+    """Bytes per second."""
+    return f"{bytes_in_words(value)}/s"
+
+
+def _hertz(flow: Flow, _: float) -> Value:
+    whole = fsum(flow.gaps)
+    return len(flow.gaps) / whole if whole > 0 else None
+
+
+def _per_second(amount: float, seconds: float) -> Value:
+    return amount / seconds if seconds > 0 else None
+
+
+COUNT = Column("count", "count", lambda flow, _: flow.count, str)
+TOTAL = Column("bytes", "in all", lambda flow, _: flow.bytes, bytes_in_words)
+MEAN = Column("mean_bytes", "mean", lambda flow, _: flow.bytes / flow.count, bytes_in_words)
+P50 = Column("p50_bytes", "p50", lambda flow, _: quantile(flow.sizes, 0.5), bytes_in_words)
+P95 = Column("p95_bytes", "p95", lambda flow, _: tail(flow.sizes, 0.95), bytes_in_words)
+LEAST = Column("min_bytes", "least", lambda flow, _: min(flow.sizes), bytes_in_words)
+MOST = Column("max_bytes", "most", lambda flow, _: max(flow.sizes), bytes_in_words)
+RATE = Column("rate_hz", "Hz", lambda flow, seconds: _per_second(flow.count, seconds), rate)
+BANDWIDTH = Column("bytes_per_s", "mean/s", lambda flow, seconds: _per_second(flow.bytes, seconds), speed)
+
+TABLES: dict[str, tuple[Column, ...]] = {
+    "hz": (
+        COUNT,
+        Column("rate_hz", "Hz", _hertz, rate),
+        Column("min_gap_s", "least gap", lambda flow, _: min(flow.gaps, default=None), span),
+        Column("mean_gap_s", "mean", lambda flow, _: fmean(flow.gaps) if flow.gaps else None, span),
+        Column("max_gap_s", "most", lambda flow, _: max(flow.gaps, default=None), span),
+        Column("std_gap_s", "std dev", lambda flow, _: pstdev(flow.gaps) if flow.gaps else None, span),
+    ),
+    "bw": (COUNT, BANDWIDTH, TOTAL, MEAN, LEAST, MOST),
+    "size": (COUNT, LEAST, P50, P95, MOST, MEAN, TOTAL),
+    "stats": (
+        COUNT,
+        P50,
+        P95,
+        MOST,
+        RATE,
+        BANDWIDTH,
+        Column("answer_p50_s", "took p50", lambda flow, _: quantile(flow.answers, 0.5), span),
+        Column("answer_p95_s", "p95", lambda flow, _: tail(flow.answers, 0.95), span),
+    ),
+}
+"""`rate_hz` of hz is that of the row, from its first to its last; of stats, and bytes_per_s, of the whole time."""
+
+
+def rows(kind: str, tally: Tally, seconds: float) -> list[dict[str, Any]]:
+    """The table for programs; a figure that cannot be told yet is left out."""
+    return [
+        {"channel": flow.channel, "performative": flow.performative}
+        | {c.name: value for c in TABLES[kind] if (value := c.value(flow, seconds)) is not None}
+        for flow in tally.rows
+    ]
+
+
+def table(kind: str, tally: Tally, seconds: float) -> Table:
+    """The table for people."""
+    drawn = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", pad_edge=False)
+    drawn.add_column("on", no_wrap=True)
+    drawn.add_column("performative", no_wrap=True)
+    for column in TABLES[kind]:
+        drawn.add_column(column.head, justify="right", no_wrap=True)
+    before = ""
+    for flow in tally.rows:
+        values = [column.value(flow, seconds) for column in TABLES[kind]]
+        cells = [
+            "·" if value is None else column.words(value) for column, value in zip(TABLES[kind], values, strict=True)
+        ]
+        drawn.add_row("" if flow.channel == before else flow.channel, flow.performative, *cells)
+        before = flow.channel
+    return drawn
+
+
+def sentence(tally: Tally, seconds: float) -> str:
+    """The whole in a line."""
+    if not tally.count:
+        return "nothing that is meant went by"
+    whole = f"{tally.count} communicate{'s' * (tally.count != 1)}, {bytes_in_words(tally.bytes)}"
+    return f"{whole} in {seconds:.1f} s" + (f": {speed(tally.bytes / seconds)}" if seconds > 0 else "")
+
+
+# --- The verb ---------------------------------------------------------------------------------------------------------
+
 
 PERIOD_S = 1.0
 """A table is renewed so often, as with `ros2 topic hz`."""
@@ -87,8 +296,8 @@ def stats(
     """
     with problems(form):
         which = wanted(about(run, run_dir, target).design, channel, agent, protocol, performative)
-        table = "stats" if kind is Kind.ALL else kind.value
-        watch(_Asked(table, which, count, for_, form), run, run_dir, target)
+        what = "stats" if kind is Kind.ALL else kind.value
+        watch(_Asked(what, which, count, for_, form), run, run_dir, target)
 
 
 def watch(asked: _Asked, run: Path | None, run_dir: Path | None, target: str = "") -> None:
@@ -131,12 +340,10 @@ def _seconds(heard: Source, tally: Tally) -> float:
 
 def _tell(asked: _Asked, heard: Source, tally: Tally) -> None:
     seconds = _seconds(heard, tally)
-    tell_json(
-        {"seconds": round(seconds, 3), "count": tally.count, "rows": rate_tables.rows(asked.kind, tally, seconds)}
-    )
+    tell_json({"seconds": round(seconds, 3), "count": tally.count, "rows": rows(asked.kind, tally, seconds)})
 
 
 def _drawn(asked: _Asked, heard: Source, tally: Tally) -> Group:
     seconds = _seconds(heard, tally)
-    line = Text(rate_tables.sentence(tally, seconds) + heard.lost(), "dim")
-    return Group(rate_tables.table(asked.kind, tally, seconds), line) if tally.count else Group(line)
+    line = Text(sentence(tally, seconds) + heard.lost(), "dim")
+    return Group(table(asked.kind, tally, seconds), line) if tally.count else Group(line)

@@ -1,11 +1,10 @@
 """`roco replay FILE --replace AGENT`: a real agent, as in the fleet, against the others as recorded.
 
-The others are played by agent_runtime.testing.stand_in: each says what was recorded, once the agent has said all
+The others are played by agent_runtime.impersonation: each says what was recorded, once the agent has said all
 that it had said before. Compared is what the agent says: performative, receiver, protocol, language, content, what it
 answers.
 """
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -19,14 +18,13 @@ import msgspec
 import typer
 
 from agent_runtime.core.binding import wiring
-from agent_runtime.testing.stand_in import Cast, Stage
+from agent_runtime.impersonation import Cast, Stage
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Languages
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.listen import HOUSE, recorded, said
-from operate.cli.traffic.play import moved
+from operate.cli.traffic.play import as_agent, compared, difference, moved
 from operate.system import System, of_run
 
 # --- One agent's part of a recording, and whether a real agent speaks it: its lines and its cues, in the order recorded
@@ -36,7 +34,6 @@ from operate.system import System, of_run
 
 
 COMPARED = ("performative", "receiver", "protocol", "language", "ontology", "in_reply_to")
-MOST_WORDS = 160
 
 
 class Part(msgspec.Struct, frozen=True):
@@ -172,40 +169,10 @@ def plain(one: Communicate) -> dict[str, Any]:
     return told
 
 
-def difference(was: Any, now: Any, place: str = "") -> tuple[str, Any, Any] | None:
-    """The first place where two values differ, and what stands there in both; None where they are the same."""
-    if type(was) is not type(now):
-        return place, was, now
-    if isinstance(was, dict):
-        for key in (*was, *(key for key in now if key not in was)):
-            where = f"{place}.{key}" if place else str(key)
-            if key not in was or key not in now:
-                return where, was.get(key), now.get(key)
-            found = difference(was[key], now[key], where)
-            if found is not None:
-                return found
-        return None
-    if isinstance(was, list):
-        for n, (one, other) in enumerate(zip(was, now, strict=False)):
-            found = difference(one, other, f"{place}[{n}]")
-            if found is not None:
-                return found
-        return None if len(was) == len(now) else (f"{place} (length)", len(was), len(now))
-    return None if was == now else (place, was, now)
-
-
-def short(value: Any) -> str:
-    """A value in JSON, cut off where it is long; None: nothing."""
-    text = "nothing" if value is None else msgspec.json.encode(value).decode()
-    return text if len(text) <= MOST_WORDS else text[: MOST_WORDS - 1] + "…"
-
-
 # --- `roco replay FILE --replace AGENT` -------------------------------------------------------------------------------
 
 
 SYSTEM = "replay"
-SETTING = "setting"
-"""Under this kind a recording holds what its fleet was started with."""
 READY_S = 60.0
 """Until the agent is ready; estimate: seconds on a busy machine."""
 PATIENCE_S = 20.0
@@ -239,7 +206,18 @@ def replaced(file: Path, agent: str, fast: float | None, seed: int | None, form:
     with console.status(f"starting {agent}") as line, _running(system, agent, module, seed) as cast:
         script, begun = Script(part), time.monotonic()
         found = _play(script, cast, part, fast, lambda n: line.update(f"{agent} speaks: {n} of {len(part)} entries"))
-    done = _compared(agent, part, script, found, time.monotonic() - begun)
+    difference, words = found or (None, None)
+    done = Compared(
+        agent=agent,
+        lines=sum(one.mine for one in part),
+        spoken=len(script.spoken),
+        cues=sum(not one.mine for one in part[: script.given_cues]),
+        seconds=round(time.monotonic() - begun, 3),
+        difference=difference,
+        conversation=words.conversation if words else "",
+        performative=str(words.performative) if words else "",
+        receiver=words.receiver if words else "",
+    )
     if form is Format.JSON:
         tell_json(done)
     else:
@@ -270,26 +248,25 @@ def sentence(done: Compared, part: tuple[Part, ...]) -> str:
     what = f"{done.agent} > {done.receiver} {done.performative}" if done.performative else done.agent
     return (
         f"{spoken}; then its words differ\n  {when}  {what}  {done.conversation}\n  in {one.field}\n"
-        f"  recorded: {short(one.recorded)}\n  now:      {short(one.now)}"
+        f"{compared(one.recorded, one.now)}"
     )
 
 
 def _part(file: Path, agent: str) -> tuple[tuple[Part, ...], int]:
     """The agent's part, of its first recorded life; the seed of the run. Raises UsageError."""
+    from operate.recording.records import Token, communicate_in, setting_in
+    from operate.recording.run import opened
+
     heard, seed, lives = [], 1, set()
-    for sample in recorded(file, everything=True):
-        if sample is None or not sample.key:
-            continue
-        if sample.key.split("/")[2:4] == [HOUSE, SETTING]:
-            seed = _seed(sample.data)
-        if sample.token and sample.key.split("/")[-2] == agent and not sample.gone:
-            lives.add(sample.key)
+    for record in opened(file).records:
+        if (setting := setting_in(record)) is not None:
+            seed = setting.seed
+        elif isinstance(record, Token) and record.agent == agent and record.alive:
+            lives.add((record.incarnation, record.journal))
             if len(lives) > 1:
                 break
-        one = said(sample)
-        communicate = one.communicate() if one is not None else None
-        if communicate is not None:
-            heard.append((sample.at, communicate))
+        elif (communicate := communicate_in(record)) is not None:
+            heard.append((record.received, communicate))
     part = parts(agent, heard)
     if not any(one.mine for one in part):
         raise UsageError(f"{file} has nothing that {agent} said; give a recording without filters")
@@ -303,24 +280,10 @@ def _part(file: Path, agent: str) -> tuple[tuple[Part, ...], int]:
     return part, seed
 
 
-def _seed(setting: bytes) -> int:
-    try:
-        return int(msgspec.json.decode(setting).get("seed", 1))
-    except (msgspec.DecodeError, AttributeError, ValueError):
-        return 1
-
-
-class _Stop(msgspec.Struct, frozen=True):
-    """Place where it ended: the difference, and the real words, if there were any."""
-
-    difference: Difference
-    words: Communicate | None
-
-
 def _play(
     script: Script, cast: Cast, part: tuple[Part, ...], fast: float | None, look: Callable[[int], None]
-) -> _Stop | None:
-    """Until all is spoken (None), or something differs."""
+) -> tuple[Difference, Communicate] | None:
+    """Until all is spoken (None), or something differs: in what, of which words."""
     begun = moved_on = time.monotonic()
     while True:
         line, cue, now = script.awaited(), script.cue(), time.monotonic()
@@ -335,26 +298,16 @@ def _play(
             moved_on, found = now, script.hear(heard)
             look(len(script.spoken))
             if found is not None:
-                return _Stop(found, heard)
+                return found, heard
         elif line is not None and now - moved_on > PATIENCE_S + _pause(part, line) / (fast or 1.0):
-            return _Stop(Difference(line.n, "words", plain(line.communicate), None), None)
+            return Difference(line.n, "words", plain(line.communicate), None), line.communicate
     extra = cast.hear(END_S)
-    return None if extra is None else _Stop(Difference(0, "words", None, plain(extra)), extra)
+    return None if extra is None else (Difference(0, "words", None, plain(extra)), extra)
 
 
 def _pause(part: tuple[Part, ...], line: Part) -> float:
     """Return the recorded pause before the line [s]."""
     return line.at - part[line.n - 2].at if line.n > 1 else 0.0
-
-
-def _compared(agent: str, part: tuple[Part, ...], script: Script, found: _Stop | None, seconds: float) -> Compared:
-    cues = sum(not one.mine for one in part[: script.given_cues])
-    done = Compared(agent, sum(one.mine for one in part), len(script.spoken), cues, round(seconds, 3), None)
-    if found is None:
-        return done
-    one = found.words or part[found.difference.line - 1].communicate
-    told = {"conversation": one.conversation, "performative": str(one.performative), "receiver": one.receiver}
-    return msgspec.structs.replace(done, difference=found.difference, **told)
 
 
 @contextmanager
@@ -386,10 +339,8 @@ def _started(
         "RUN_DIR": str(run),
         "SYSTEM": SYSTEM,
         "SEED": str(seed),
-        "LOG_LEVEL": "error",
-        "TLS_DIR": "",
     }
-    environment = os.environ | system.environment(run) | {f"ROCO_{name}": value for name, value in told.items()}
+    environment = as_agent(system, run, told)
     with (run / f"{agent}.log").open("wb") as log:
         process = subprocess.Popen([sys.executable, "-P", "-m", module], env=environment, stdout=log, stderr=log)
     until = time.monotonic() + READY_S

@@ -5,22 +5,21 @@ By default on a router and under a system name of its own; never where an agent 
 
 import contextlib
 import shutil
-import subprocess
 import time
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import IO, Annotated
+from typing import Annotated
 
 import msgspec
 import typer
 
 from agent_runtime.core.errors import RuntimeFault
+from agent_runtime.impersonation import Stage
 from agent_runtime.io.run_files import make_run, write_whole
+from agent_runtime.io.steplog import StepLogs
 from agent_runtime.io.tap import Sample
-from agent_runtime.testing.stand_in import Stage
 from operate.cli import completion
-from operate.cli.analysis import command, environment
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
@@ -162,43 +161,37 @@ def _played(
 
 
 class Shown:
-    """The replayed run as the lines of live.jsonl from which `roco top` and `roco top --graph` are drawn.
-
-    A process of the recorder writes them, whose business they are.
-    """
+    """The replayed run as live.jsonl and step logs, from which `roco top` and the verbs about traffic are drawn."""
 
     def __init__(self, folder: Path, system: System) -> None:
         make_run(folder)
-        self._folder, asked, pipe = folder, command("replayed", str(folder)), subprocess.PIPE
-        self._process = subprocess.Popen(asked, env=environment(system), stdin=pipe, start_new_session=True)
+        self._folder, self._system, self._logs = folder, system, StepLogs(folder)
+        self._file = (folder / LIVE_FILE).open("wb", buffering=0)
+        self.begin()
 
     def begin(self) -> None:
         """Show everything once more: what is said again in a new round is not a copy."""
-        self._write(b"\n")
+        from operate.judging.live import Live
+
+        self._live = Live(self._system)
 
     def take(self, sample: Sample) -> None:
-        """Have the lines of a sample written."""
-        self._write(msgspec.json.encode(sample) + b"\n")
+        """Write the lines of a sample."""
+        from operate.recording.records import Spoken, understood
+
+        record = understood(sample, self._system)
+        if isinstance(record, Spoken):
+            self._logs.passed(record.communicate, record.received)
+        for line in self._live.lines(record):
+            self._file.write(msgspec.json.encode(line) + b"\n")
 
     def close(self) -> None:
         """Leave nothing behind."""
-        with contextlib.suppress(BrokenPipeError):
-            self._pipe.close()
-        self._process.wait()
+        self._file.close()
         (self._folder / LIVE_FILE).unlink(missing_ok=True)
         shutil.rmtree(self._folder / STEPS, ignore_errors=True)
         with contextlib.suppress(OSError):
             self._folder.rmdir()
-
-    @property
-    def _pipe(self) -> IO[bytes]:
-        assert self._process.stdin is not None
-        return self._process.stdin
-
-    def _write(self, data: bytes) -> None:
-        with contextlib.suppress(BrokenPipeError):  # the replay goes on without its picture
-            self._pipe.write(data)
-            self._pipe.flush()
 
 
 def _meant(file: Path, which: Filter, *, telemetry: bool) -> Iterator[Sample]:

@@ -4,50 +4,46 @@ In the place of an agent that does not run it is a life of that agent, with its 
 lives it refuses, and with --force is a voice in its name: whoever hears cannot tell, and streams may break.
 """
 
+import os
 import subprocess
 import time
-from typing import TYPE_CHECKING, Annotated, cast
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import msgspec
 import typer
 from rich.table import Table
 from rich.text import Text
 
-from agent_runtime.core.errors import RuntimeFault
-from fipa_codec.communicate import Communicate, encode_strictly
+from agent_runtime.core.binding import wiring
+from agent_runtime.core.errors import JournalError, RuntimeFault
+from agent_runtime.impersonation import StandIn, StandInError, Voice
+from agent_runtime.io.options import LISTEN_VARIABLE, Options
+from agent_runtime.io.sessions import Links, NoEndpointError
+from fipa_codec.communicate import Communicate, encode, encode_strictly
 from fipa_codec.errors import FipaError
+from fipa_codec.languages import Kind, Languages
 from fipa_codec.performatives import Performative
+from fipa_codec.tables import Role
 from operate.cli import completion
-from operate.cli.errors import NO, ConsoleError
-from operate.cli.fleet import targets
+from operate.cli.errors import NO, ConsoleError, NoRunError
+from operate.cli.fleet import identity, targets
 from operate.cli.fleet.local import Local
 from operate.cli.output import Form, Format, RunDir, problems, tell_problem
+from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.conversation import names as conversation_names
+from operate.cli.terminal.table import table
+from operate.cli.traffic.listen import fields_of
+from operate.cli.traffic.subject import names as conversation_names
+from operate.run_folder import Fleet
 from operate.system import System
 from topdown.judge.admission import Admission
+from topdown.judge.follow import Followed
 from topdown.model.design import Design, Rule
 
 if TYPE_CHECKING:
     from operate.cli.fleet.compose import Compose
-import os
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
-from agent_runtime.core.binding import wiring
-from agent_runtime.core.errors import JournalError
-from agent_runtime.io.links import Links, NoEndpointError
-from agent_runtime.io.options import LISTEN_VARIABLE, Options
-from agent_runtime.testing.stand_in import StandIn, StandInError, Voice
-from fipa_codec.communicate import encode
-from fipa_codec.languages import Kind, Languages
-from fipa_codec.tables import Role
-from operate.cli.errors import NoRunError
-from operate.cli.fleet import identity
-from operate.cli.runs import folders
-from operate.run_folder import Fleet
-from topdown.judge.follow import Followed
 
 # --- Saying one communicate to a running fleet, as an agent that does not run or in the name of one that does --------
 # Whoever calls gives what is to be said and is told what was said and heard, as it comes.
@@ -215,10 +211,8 @@ def _sending(one: Communicate, receipted: bool | None, ended: bool, heard: list[
 
 
 def _fields(one: Communicate) -> dict[str, Any]:
-    """A communicate by the names of its fields, its content as what it is."""
-    found = {name: getattr(one, name) for name in one.__struct_fields__}
-    found["content"] = None if one.content is msgspec.UNSET else msgspec.msgpack.decode(one.content)
-    return {name: value for name, value in found.items() if value not in ("", None)}
+    told = fields_of(one)
+    return {name: told[name] for name in one.__struct_fields__ if told.get(name) not in ("", None)}
 
 
 # --- `roco send` ------------------------------------------------------------------------------------------------------
@@ -327,19 +321,19 @@ def rules(design: Design, chosen: tuple[str, ...]) -> list[Rule]:
     ]
 
 
-def table(found: list[Rule]) -> Table:
+def allowed(found: list[Rule]) -> Table:
     """Return the permitted communicates as a table for people."""
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("as", "to", "protocol", "performative", "on"):
-        drawn.add_column(name, no_wrap=True)
-    drawn.add_column("content")
-    drawn.add_column("at most", justify="right", no_wrap=True)
-    for rule in sorted(found, key=lambda one: (one.sender, one.receiver, one.protocol, one.performative)):
-        content = ", ".join(rule.contents) or f"none ({rule.language})"
-        drawn.add_row(
-            rule.sender, rule.receiver, rule.protocol, rule.performative, rule.channel, content, f"{rule.bytes} B"
+    found = sorted(found, key=lambda one: (one.sender, one.receiver, one.protocol, one.performative))
+    rows = (
+        (
+            *(one.sender, one.receiver, one.protocol, one.performative, one.channel),
+            ", ".join(one.contents) or f"none ({one.language})",
+            f"{one.bytes} B",
         )
-    return drawn
+        for one in found
+    )
+    heads = ("as", "to", "protocol", "performative", "on", "content", "at most")
+    return table(heads, rows, right=("at most",), fold=("content",))
 
 
 def _list(design: Design, chosen: tuple[str, ...], form: Format, *, missing: bool) -> None:
@@ -348,7 +342,7 @@ def _list(design: Design, chosen: tuple[str, ...], form: Format, *, missing: boo
     if form is Format.JSON:
         print(msgspec.json.encode(found).decode())
     elif found:
-        Console().print(table(found))
+        Console().print(allowed(found))
     if not found:
         _stop(_unknown(design, chosen), form, 2)
     if missing:

@@ -16,9 +16,7 @@ from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems
 from operate.cli.terminal.console import Console
-from operate.cli.terminal.lifelines import Lifelines
-from operate.cli.terminal.sequence import mark
-from operate.cli.traffic import rate_tables
+from operate.cli.terminal.sequence import Lifelines, mark
 from operate.cli.traffic.echo import ENDLESS, chosen, tell_line, tell_lost
 from operate.cli.traffic.filter_options import (
     Agents,
@@ -33,8 +31,9 @@ from operate.cli.traffic.filter_options import (
 from operate.cli.traffic.listen import Source, about, source
 from operate.filters import Filter
 from operate.run_folder import Judged
-from topdown.draw import lifelines
-from topdown.draw.lifelines import Arrow
+from operate.wording import bytes_in_words
+from topdown.draw import sequence
+from topdown.draw.sequence import Arrow
 from topdown.model.design import Design
 
 HEADING_EACH = 30
@@ -76,7 +75,7 @@ class Sniffed:
         """Return the drawing of what is kept."""
         # By time: a verdict may have come later than those of what followed.
         kept = sorted((one for _, one in self._kept), key=lambda one: one.t)
-        return lifelines.draw(self.agents, arrows(kept), title).svg()
+        return sequence.draw(sequence.Diagram(title, tuple(self.agents), tuple(arrows(kept)))).svg()
 
 
 def sniff(
@@ -135,7 +134,7 @@ def arrows(kept: Sequence[Judged]) -> list[Arrow]:
             sender=one.sender or "?",
             receiver=one.receiver or one.key,
             label=one.performative or f"{one.bytes} bytes",
-            detail=" ".join(filter(None, (one.channel, rate_tables.size(one.bytes), one.text))),
+            detail=" ".join(filter(None, (one.channel, bytes_in_words(one.bytes), one.text))),
             alert=": ".join(filter(None, (mark(one), one.why if one.violation else ""))),
         )
         for one in kept

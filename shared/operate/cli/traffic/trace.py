@@ -6,15 +6,14 @@ from typing import Annotated
 import msgspec
 import typer
 
-from operate.cli.analysis import analysed
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.output import Format, RunDir, problems, tell_json
 from operate.cli.terminal import span_tree
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.conversation import names
 from operate.cli.traffic.filter_options import Recorded
-from operate.cli.traffic.recordings import recording_of
+from operate.cli.traffic.subject import Subject, recording_of
+from operate.run_folder import alike
 from operate.tracing import otlp
 from operate.tracing.trace import Span, Trace
 
@@ -42,13 +41,7 @@ class Task(msgspec.Struct, frozen=True):
 
 
 def trace(
-    task: Annotated[
-        str,
-        typer.Argument(
-            help="A task: the conversation that opened it. Without one, all that can be traced are listed.",
-            autocompletion=names,
-        ),
-    ] = "",
+    subject: Subject = "",
     every: Annotated[
         bool, typer.Option("--all", help="A line for each conversation, also where many alike follow each other.")
     ] = False,
@@ -61,6 +54,8 @@ def trace(
 ) -> None:
     """Show which communicate of a task caused which, across all agents, as a tree with times.
 
+    Without a subject all that can be traced is listed.
+
     A line is a conversation, below the one for whose sake it was opened; the bar says when it was open. What an answer
     caused elsewhere is a line with `+`. Links are those of the agents' step logs; where a log does not have one, the
     line is marked with ~ and stands where the order in time puts it. A recording without step logs has only such lines.
@@ -70,19 +65,21 @@ def trace(
 
     Examples:
       roco trace
-      roco trace TASK
-      roco trace TASK --run runs/latest --all
-      roco trace TASK --format otlp
+      roco trace SUBJECT
+      roco trace SUBJECT --run runs/latest --all
+      roco trace SUBJECT --format otlp
     """
     with problems(Format.TEXT if form is As.TEXT else Format.JSON):
+        from operate.recording.run import opened
+
         file = recording_of(run, target, run_dir)
-        found = msgspec.json.decode(analysed("trace", str(file), about=file), type=Trace)
+        found = opened(file).trace
         if not found.spans:
             raise UsageError(f"{file} has no communicate; give the folder of a run, or a recording")
-        if not task and form is not As.OTLP:
+        if not subject and form is not As.OTLP:
             _list(found, form)
             return
-        roots = (span_of(found, task),) if task else found.roots
+        roots = (span_of(found, subject),) if subject else found.roots
         if form is As.OTLP:
             tell_json(otlp.exported(found, roots))
         elif form is As.JSON:
@@ -92,13 +89,14 @@ def trace(
             console.print(span_tree.drawn(found, roots[0], console.width, every=every))
 
 
-def span_of(found: Trace, task: str) -> Span:
-    """Return the span of a conversation. Raise UsageError with those that there are."""
-    for span in found.spans:
-        if task in (span.id, span.conversation):
-            return span
+def span_of(found: Trace, subject: str) -> Span:
+    """Return the span of a conversation. Raise ConsoleError with those that there are."""
+    if (span := found.named(subject)) is not None:
+        return span
     near = ", ".join(span.id for span in found.roots[-8:]) or "none"
-    raise ConsoleError(f"no conversation {task!r} in this run; `roco trace` lists what can be traced, such as {near}")
+    raise ConsoleError(
+        f"no conversation {subject!r} in this run; `roco trace` lists what can be traced, such as {near}"
+    )
 
 
 def _list(found: Trace, form: As) -> None:
@@ -111,14 +109,5 @@ def _list(found: Trace, form: As) -> None:
 
 def _task(found: Trace, span: Span) -> Task:
     below = [one for _, one in found.below(span)]
-    return Task(
-        task=span.id,
-        initiator=span.initiator,
-        participant=span.participant,
-        protocol=span.protocol,
-        text=span.text,
-        start=span.start,
-        end=max(one.end for one in below),
-        ended=span.ended,
-        communicates=sum(len(one.messages) for one in below),
-    )
+    end, said = max(one.end for one in below), sum(len(one.messages) for one in below)
+    return alike(Task, span, task=span.id, end=end, communicates=said)

@@ -1,42 +1,21 @@
-"""The verdicts about a run for `roco traffic` and `roco conversation`: read, or made again by the monitor's own judge.
+"""The verdicts about a run for `roco traffic` and `roco conversation`: as its monitor wrote them, or made now."""
 
-The judge afterwards is a process (`python -m operate.recording judge`): recordings are the recorder's business.
-"""
-
-import os
-import subprocess
 from collections.abc import Iterable
 from pathlib import Path
 
 import msgspec
 
-from operate.cli.analysis import command, environment
-from operate.cli.errors import WRONG_USE, ConsoleError
 from operate.run_folder import VERDICTS_FILE, Judged
-from operate.system import of_run
+from operate.system import System, of_run
 
 _decoder = msgspec.json.Decoder(Judged)
 
 
-class JudgeError(ConsoleError):
-    """There is nothing to judge (`usage`: the caller named the wrong thing), or the judge died."""
+def judged(file: Path, system: System | None = None) -> list[Judged]:
+    """The verdicts about a recording, made now, by the design of its own system or of another one."""
+    from operate.recording.run import verdicts
 
-    def __init__(self, text: str, *, usage: bool = False) -> None:
-        if usage:
-            self.code = WRONG_USE
-        super().__init__(text)
-
-
-def judged(file: Path, design: Path | None = None, languages: str = "") -> list[Judged]:
-    """The verdicts about a recording, made now. Raises JudgeError."""
-    asked = [str(file), *(["--design", str(design)] if design else [])]
-    asked += ["--languages", languages] if languages else []
-    shared = dict(os.environ) if design else environment(of_run(file))
-    done = subprocess.run(command("judge", *asked), env=shared, capture_output=True, check=False)
-    if done.returncode:
-        words = done.stderr.decode(errors="replace").strip()
-        raise JudgeError(words or f"the judge ended with {done.returncode}", usage=done.returncode == WRONG_USE)
-    return read(done.stdout.splitlines())
+    return list(verdicts(file, of_run(file) if system is None else system))
 
 
 def told(run: Path) -> list[Judged]:

@@ -1,11 +1,10 @@
 """`roco replay RUN --verify`: each agent of a run is run again from its step log, and must put out the same bytes.
 
-Each runs in a process of its own module (agent_runtime.io.step_replay), so any system's agents can. Where a step
+Each runs in a process of its own module (agent_runtime.io.steplog), so any system's agents can. Where a step
 differs, the recorded value is looked up: in the log what was done, in the journal the record, in the recording what
 went by.
 """
 
-import os
 import subprocess
 import sys
 from collections import defaultdict
@@ -13,25 +12,28 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 import typer
-from rich.table import Table
 
 from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.io.journal import records
-from agent_runtime.io.step_replay import Again, Parted, Put, Word, digest
-from agent_runtime.io.steplog import fingerprint
-from agent_runtime.io.tap import Sample
-from fipa_codec.communicate import UNREADABLE, Communicate, decode
+from agent_runtime.io.steplog import Again, Parted, SentAgain, digest, fingerprint
+from fipa_codec.communicate import Communicate, decode
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
+from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.listen import HOUSE, recorded, said
-from operate.cli.traffic.replace import difference, short
-from operate.run_folder import FLEET_FILE, STEPS, TRAFFIC_FILE, Fleet
+from operate.cli.terminal.table import table
+from operate.cli.traffic.listen import fields_of
+from operate.cli.traffic.play import as_agent, compared, difference
+from operate.run_folder import STEPS, TRAFFIC_FILE
 from operate.system import System, of_run
+
+if TYPE_CHECKING:
+    from operate.recording.records import Garbage
+    from operate.recording.run import Run
 
 # --- First difference in the output of an agent's step that is run again: the field, its old value, its new value
 # The log keeps a hash of a step's output. The journal has the records of the last life, the recording what was sent
@@ -76,23 +78,17 @@ def _named(parted: Parted, kept: Kept) -> tuple[str, Any, Any]:
     found = difference(_value_told(parted.deed), _value_told(put.deed), "deed")
     if found is not None:
         return found
-    now = _effects(put)
+    tells = cast(tuple[Any, ...], msgspec.Raw(put.tells))
+    now = Effects(put.record, put.receipts, tuple(map(decode, put.sends)), tells)  # as it is hashed
     for then in _possible(parted, now, kept):
-        if fingerprint(then) == parted.output:
-            return _between(then, now)
-    words = _worded_all(now.sends), _worded_all(next(_sent(parted.at, now.sends, kept.said)))
-    found = difference(words[1], words[0], "sends")
+        if fingerprint(then) == parted.output:  # the same values in other bytes are in another order
+            return difference(_plain(then), _plain(now)) or ("record", then.record, now.record)
+    found = difference(_worded(next(_sent(parted.at, now.sends, kept.said))), _worded(now.sends), "sends")
     if found is not None:
         return found
     whole = kept.said and parted.before in kept.journal
     field, value = ("tells", _value_told(now.tells)) if whole else ("output", _plain(now))
     return field, f"hash {parted.output.hex()}", value
-
-
-def _effects(put: Put) -> Effects:
-    """Return the present output of a step, as it is hashed."""
-    tells = cast(tuple[Any, ...], msgspec.Raw(put.tells))
-    return Effects(put.record, put.receipts, tuple(map(decode, put.sends)), tells)
 
 
 def _possible(parted: Parted, now: Effects, kept: Kept) -> Iterator[Effects]:
@@ -128,17 +124,10 @@ def _receipted(now: tuple[Receipt, ...], then: Sequence[Receipt]) -> Iterator[tu
         yield (*(other for other in now if other.peer != one.peer), one)
 
 
-def _between(then: Effects, now: Effects) -> tuple[str, Any, Any]:
-    """The first field in which two outputs differ."""
-    was, is_now = _plain(then), _plain(now)
-    found = difference(was, is_now)
-    return found or ("record", then.record, now.record)  # the same values in other bytes: another order
-
-
 def _plain(effects: Effects) -> dict[str, Any]:
     return {
         "record": None if effects.record is None else msgspec.msgpack.decode(effects.record),
-        "sends": _worded_all(effects.sends),
+        "sends": _worded(effects.sends),
         "receipts": _value_told(effects.receipts),
         "tells": _value_told(effects.tells),
     }
@@ -148,85 +137,48 @@ def _value_told(value: Any) -> Any:
     return msgspec.msgpack.decode(msgspec.msgpack.encode(value))
 
 
-def _worded_all(sends: Iterable[Communicate]) -> list[dict[str, Any]]:
-    return [_worded(one) for one in sends]
+def _worded(sends: Iterable[Communicate]) -> list[dict[str, Any]]:
+    return [fields_of(one) for one in sends]
 
 
-def _worded(one: Communicate) -> dict[str, Any]:
-    told = {name: getattr(one, name) for name in one.__struct_fields__ if name != "content"}
-    return told if one.content is msgspec.UNSET else told | {"content": msgspec.msgpack.decode(one.content)}
+# --- Evidence from a recording about the agents of its run, for comparison with their output when they are run again --
 
 
-# --- Evidence from a recording about the agents of its run, for comparison with their output when they are run again
-# Of each communicate a digest is kept; the bytes are read a second time where a difference asks for them.
-
-
-SETTING, RECEIPT = "setting", "receipt"
-"""Kinds of signals: what the fleet was started with, and what an agent has received."""
 NEAR_S = 2.0
 """Time after a step within which its receipts are heard [s]; estimate: it takes milliseconds."""
-
-
-class Setting(msgspec.Struct, frozen=True):
-    """Options with which the fleet was started."""
-
-    seed: int = 1
-    speed: str = "1"
-    scene: str = ""
 
 
 class Evidence:
     """`setting`: of the fleet; `words`: agent -> (receiver, id) -> digests of all that went by under it.
 
-    Without a file there is nothing, and `there` is False.
+    Without a recording there is nothing, and `there` is False.
     """
 
-    def __init__(self, file: Path | None) -> None:
-        self._file, self.setting = file, Setting()
-        self.words: dict[str, dict[tuple[str, str], set[bytes]]] = defaultdict(lambda: defaultdict(set))
-        for sample in self._samples():
-            if kind_of(sample) == SETTING:
-                self.setting = _setting(sample.data)
-            one = _communicate(sample)
-            if one is not None:
-                self.words[one.sender][one.receiver, one.id].add(digest(sample.data))
+    def __init__(self, recording: "Run | None") -> None:
+        from operate.recording.records import Setting, Spoken, communicate_in, setting_in
 
-    @property
-    def there(self) -> bool:
-        """Whether there is a recording."""
-        return self._file is not None
+        self.there, self.setting = recording is not None, Setting(1, "1")
+        self.words: dict[str, dict[tuple[str, str], set[bytes]]] = defaultdict(lambda: defaultdict(set))
+        self._records = () if recording is None else recording.records
+        self._said: list[Communicate] = []
+        for record in self._records:
+            self.setting = setting_in(record) or self.setting
+            if (one := communicate_in(record)) is not None:
+                self._said.append(one)
+                wire = record.wire if isinstance(record, Spoken) else cast("Garbage", record).data
+                self.words[one.sender][one.receiver, one.id].add(digest(wire))
 
     def said(self, agent: str) -> list[Communicate]:
         """Return what went by of an agent, in order, copies too."""
-        return [one for one in map(_communicate, self._samples()) if one is not None and one.sender == agent]
+        return [one for one in self._said if one.sender == agent]
 
     def receipts(self, agent: str, at: float) -> list[Receipt]:
         """Return its receipts that were heard about then, in order."""
-        near = (sample for sample in self._samples() if abs(sample.at - at) < NEAR_S)
-        mine = (one for one in near if kind_of(one) == RECEIPT and one.key.split("/")[-2] == agent)
-        return [msgspec.msgpack.decode(one.data, type=Receipt) for one in mine]
+        from operate.recording.ends import receipts
+        from operate.recording.records import House
 
-    def _samples(self) -> Iterator[Sample]:
-        if self._file is not None:
-            yield from (sample for sample in recorded(self._file, everything=True) if sample is not None)
-
-
-def kind_of(sample: Sample) -> str:
-    """Return the kind of a signal; "" of others."""
-    chunks = sample.key.split("/")
-    return chunks[3] if not sample.token and len(chunks) > 3 and chunks[2] == HOUSE else ""
-
-
-def _communicate(sample: Sample) -> Communicate | None:
-    one = said(sample)
-    return None if one is None else one.communicate()
-
-
-def _setting(data: bytes) -> Setting:
-    try:
-        return msgspec.json.decode(data, type=Setting)
-    except UNREADABLE:
-        return Setting()
+        near = (one for one in self._records if isinstance(one, House) and abs(one.received - at) < NEAR_S)
+        return [one.receipt for one in receipts(near) if one.owner == agent]
 
 
 # --- `roco replay RUN --verify` ---------------------------------------------------------------------------------------
@@ -257,8 +209,10 @@ def verified(file: Path, agents: list[str], seed: int | None, form: Form) -> Non
     """Do it and tell how it went. Exits with 1 where an agent's output differs. Raises ConsoleError."""
     run, system = file if file.is_dir() else file.parent, of_run(file)
     logs = _logs(run, system, agents)
+    from operate.recording.run import opened
+
     recording = file if file.is_file() else run / TRAFFIC_FILE
-    evidence = Evidence(recording if recording.is_file() else None)
+    evidence = Evidence(opened(recording, system) if recording.is_file() else None)
     found = []
     with Console(stderr=True, quiet=form is Format.JSON).status("") as line:
         for agent, log in logs.items():
@@ -285,23 +239,9 @@ def _logs(run: Path, system: System, agents: list[str]) -> dict[str, Path]:
 
 def _told(run: Path, system: System, evidence: Evidence, seed: int | None) -> dict[str, str]:
     """The environment in which the agents of the run were started, as far as their steps depend on it."""
-    was = evidence.setting
-    told = {
-        "SYSTEM": _prefix(run, system),
-        "SEED": str(was.seed if seed is None else seed),
-        "SPEED": was.speed,
-        "SCENE": was.scene,
-        "TLS_DIR": "",
-        "LOG_LEVEL": "error",
-    }
-    return os.environ | system.environment(run) | {f"ROCO_{name}": value for name, value in told.items()}
-
-
-def _prefix(run: Path, system: System) -> str:
-    try:
-        return msgspec.json.decode((run / FLEET_FILE).read_bytes(), type=Fleet).system
-    except (OSError, msgspec.MsgspecError):
-        return system.name
+    was, fleet = evidence.setting, folders.fleet(run)
+    told = {"SYSTEM": fleet.system if fleet else system.name, "SPEED": was.speed, "SCENE": was.scene}
+    return as_agent(system, run, told | {"SEED": str(was.seed if seed is None else seed)})
 
 
 def _again(system: System, agent: str, log: Path, environment: dict[str, str]) -> Again:
@@ -340,12 +280,12 @@ def _verified(run: Path, done: Again, evidence: Evidence) -> Verified:
     )
 
 
-def _other(one: Word, heard: set[bytes] | None) -> bool:
+def _other(one: SentAgain, heard: set[bytes] | None) -> bool:
     """Whether only something else went by in the place of a communicate."""
     return heard is not None and one.digest not in heard
 
 
-def _misheard(one: Word, heard: set[bytes]) -> Difference:
+def _misheard(one: SentAgain, heard: set[bytes]) -> Difference:
     field = f"recording of the communicate {one.id} to {one.receiver}"
     was, now = (f"digest {digest.hex()}" for digest in (min(heard), one.digest))
     return Difference(one.incarnation, one.step, one.at, one.kind, field, was, now)
@@ -359,13 +299,10 @@ def _kept(run: Path, agent: str, parted: Parted, evidence: Evidence) -> Kept:
 
 
 def _print(found: list[Verified]) -> None:
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("agent", "lives", "steps", "said", "heard"):
-        drawn.add_column(name, no_wrap=True, justify="left" if name == "agent" else "right")
-    for one in found:
-        heard = "-" if one.heard is None else str(one.heard)
-        drawn.add_row(one.agent, str(one.lives), str(one.steps), str(one.said), heard)
-    Console(highlight=False).print(drawn)
+    heads = ("agent", "lives", "steps", "said", "heard")
+    counts = ((one.lives, one.steps, one.said, "-" if one.heard is None else one.heard) for one in found)
+    rows = ((one.agent, *map(str, numbers)) for one, numbers in zip(found, counts, strict=True))
+    Console(highlight=False).print(table(heads, rows, right=heads[1:]))
     for one in found:
         if one.unlogged:
             print(f"{one.agent}: {one.unlogged} more were heard, of steps that its log lost, as a kill -9 does")
@@ -382,5 +319,5 @@ def _sentence(one: Verified) -> str:
     at = datetime.fromtimestamp(difference.at).strftime("%H:%M:%S.%f")[:-3]
     return (
         f"{one.agent} differs first in step {difference.step} of life {difference.life}, {at}, {difference.kind}\n"
-        f"  in {difference.field}\n  recorded: {short(difference.recorded)}\n  now:      {short(difference.now)}"
+        f"  in {difference.field}\n{compared(difference.recorded, difference.now)}"
     )

@@ -2,17 +2,14 @@
 
 from typing import Annotated
 
-import msgspec
 import typer
 from rich.text import Text
 
-from operate.cli.analysis import analysed
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.conversation import names
 from operate.cli.traffic.filter_options import Recorded
-from operate.cli.traffic.recordings import recording_of
+from operate.cli.traffic.subject import Subject, recording_of
 from operate.tracing.reasons import Fact, Why
 
 TIME = 9
@@ -20,10 +17,7 @@ TIME = 9
 
 
 def why(
-    about: Annotated[
-        str,
-        typer.Argument(help="A task, or a thing that the system knows; else the newest task.", autocompletion=names),
-    ] = "",
+    subject: Subject = "",
     run: Recorded = None,
     at: Annotated[
         float | None,
@@ -39,20 +33,23 @@ def why(
     """Say why a task went as it did, from what is recorded.
 
     It says how it ended and what led to that, why it waited, which plans were made and what was rejected, and who was
-    away. Of a thing it says what is believed, since when, and by which observation. Each sentence repeats something
-    that was said or done and recorded; what is not recorded is not told. Seconds count from the first communicate.
+    away. Without a subject it is the newest task. The subject may also be a thing that the system knows: then it says
+    what is believed, since when, and by which observation. Each sentence repeats something that was said or done and
+    recorded; what is not recorded is not told. Seconds count from the first communicate.
 
     Examples:
       roco why
-      roco why TASK --run runs/latest
+      roco why SUBJECT --run runs/latest
       roco why THING --at 30
-      roco why TASK --records
+      roco why SUBJECT --records
     """
     with problems(form):
+        from operate.recording import reasons
+        from operate.recording.run import opened
+
         file = recording_of(run, target, run_dir)
-        words = [str(file), *([about] if about else []), *(["--at", str(at)] if at is not None else [])]
         with waiting("reading the recording …", form):
-            found = msgspec.json.decode(analysed("why", *words, about=file), type=Why)
+            found = reasons.of(opened(file), subject, at)
         if form is Format.JSON:
             tell_json(found)
         else:

@@ -11,11 +11,11 @@ from companion.languages.evidence import Sense
 from companion.languages.values import Side
 from companion.skills.loop_messages import GripReport, Keep, Motion, Open, Until
 from companion.skills.performing import perform
-from companion.skills.sight import Sight
+from companion.skills.situation import Sight
 from companion.skills.skill import Sensed
 from companion.tasks.hand_over import perform as handing
-from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind, sights, told
-from services.task.words import observations
+from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind, outcome_facts, sights
+from services.task.outgoing_messages import observations
 from velma.kinematics.frames import standing
 from velma.sim import disturbances
 from velma.sim.disturbances import Disturbance, Of
@@ -51,7 +51,7 @@ def test_it_is_given_to_whom_pulls_and_both_senses_tell(jar_out: Acting):
     assert JAR not in {one.object for one in done.seen}
     (given,) = [one for one in done.evidence if one.claim is HandOverClaim.GIVEN]
     assert set(given.by) == {Sense.WRIST, Sense.EYES}
-    assert [one.kind for one in told(GIVE, done)] == [
+    assert [one.kind for one in outcome_facts(GIVE, done)] == [
         HandOverKind.HANDED_OVER,
         HandOverKind.FELT_LEAVING,
         HandOverKind.SEEN_LEAVING,
@@ -72,7 +72,6 @@ def test_it_is_kept_where_nobody_pulls(jar_out: Acting, person: tuple[disturbanc
         somebody(jar_out, pulling(person[0], away(jar_out, person[1])))
     began = jar_out.here.time
     kept = jar_out.act(GIVE)
-    assert isinstance(kept, rc.NotDone)
     assert (kept.kind, [one.kind for one in kept.why]) == (rc.NotDoneKind.FAILED, [HandOverKind.NOBODY_PULLED])
     assert jar_out.here.time - began == pytest.approx(GIVE.wait, abs=1.0)
     assert kept.held[LEFT][0] == JAR
@@ -132,6 +131,5 @@ def test_the_hand_only_opens_and_does_not_follow(jar_out: Acting):
 def test_a_cancel_while_it_waits_keeps_it(jar_out: Acting):
     began = jar_out.core.state.time
     kept = jar_out.act(GIVE, lambda motion, core: motion.until is Until.PULL and core.state.time > began + 1.0)
-    assert isinstance(kept, rc.NotDone)
     assert (kept.kind, kept.held[LEFT][0]) == (rc.NotDoneKind.CANCELLED, JAR)
     assert sum(jar_out.truth.fingers_on[JAR].values()) >= 3

@@ -9,12 +9,11 @@ import pytest
 from robot import Acting
 
 from companion.languages import rc
-from companion.skills.looking_again import MORE_LOOKS, missed
 from companion.skills.loop_messages import Motion
 from companion.skills.motions import aim
 from companion.skills.performing import perform
-from companion.skills.sight import Sight
-from companion.skills.situation import Situation
+from companion.skills.senses import MORE_LOOKS, missed
+from companion.skills.situation import Sight, Situation
 from companion.skills.skill import Sensed
 from companion.tasks.look_around.perform import look
 from velma import names

@@ -1,6 +1,32 @@
-"""Makes `tilts` importable (tests have no packages)."""
+"""Pours that are possible, each worked out once; `tilts` is importable (tests have no packages)."""
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+if TYPE_CHECKING:
+    from robot import Acting
+
+    from companion.tasks.pour.done import Pour
+
+
+@pytest.fixture(scope="session")
+def _over_the_bowl(_jar_out: "Acting") -> "tuple[Acting, Pour]":
+    from tilts import in_view
+
+    acting = _jar_out.copied()
+    acting.things = {**acting.things, "box_1": "box1", "bowl_2": acting.things["bowl_1"]}
+    return acting, in_view(acting)
+
+
+@pytest.fixture
+def over_the_bowl(_over_the_bowl: "tuple[Acting, Pour]") -> "tuple[Acting, Pour]":
+    """The jar is in the left hand, the bowl in view on the nearest table, and this is a pour that is possible there.
+
+    In the situation alone: in physics the robot has only taken the jar out.
+    """
+    acting, pour = _over_the_bowl
+    return acting.copied(), pour

@@ -5,7 +5,6 @@ import pytest
 from robot import Acting
 from tilts import BOWL, JAR, brought
 
-from companion.tasks.pour.done import Pour
 from services.executor.loop.core import LoopCore
 from velma.sim.truth import TruthReader
 
@@ -43,17 +42,11 @@ class Clog:
             self._model.geom_pos[self._bottom, 2] = self._below
 
 
-@pytest.fixture
-def over_the_bowl(jar_out: Acting) -> tuple[Acting, Pour]:
-    """The jar is held over the bowl, which somebody put on the nearest table; and the pour that is possible there."""
-    return jar_out, brought(jar_out)
-
-
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_a_jar_that_clogs_is_tilted_again(over_the_bowl: tuple[Acting, Pour]) -> None:
+def test_a_jar_that_clogs_is_tilted_again(jar_out: Acting) -> None:
     """Much was left after the first tilt; at the end the content is in the bowl, and the hand felt how much left."""
-    acting, pour = over_the_bowl
+    acting, pour = jar_out, brought(jar_out)
     clog, before = Clog(acting.core), acting.truth.grains_in[JAR]
     outcome = acting.done(pour)
     assert clog.left is not None

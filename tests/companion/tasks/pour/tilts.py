@@ -58,7 +58,6 @@ def stands_and_sees(here: Situation, tilting: Tilting) -> bool:
     """Put the robot of the situation below this tilt's beginning, and return whether the bowl is surely seen there."""
     here.q = tilting.path[0].copy()
     rim = models.MODELS[here.models[BOWL]].hole
-    assert rim is not None
     goal = aim(float(here.q[names.TORSO]), here.seen[BOWL].act(np.array(rim.centre)))
     here.head = (goal.pan, goal.tilt)
     return here.surely_seen(BOWL)
@@ -70,8 +69,6 @@ def _possible(acting: Acting) -> Iterator[Tilting]:
     table = here.seen["table_1"].translation
     here.place(BOWL, standing(np.array([table[0], table[1] + 0.25, 0.78 - models.MODELS[acting.things[BOWL]].base.z])))
     rim, opening = (models.MODELS[acting.things[name]].hole for name in (BOWL, JAR))
-    assert rim is not None
-    assert opening is not None
     flow = Stream(here.seen[BOWL].act(np.array(rim.centre)), rim.radius, opening.centre[2])
     held = here.held[LEFT].T_grip_object
     return tiltings(here.robot, here.world, LEFT, here.q, held, flow, np.random.default_rng(1))

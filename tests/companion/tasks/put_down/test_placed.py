@@ -12,7 +12,7 @@ from companion.languages.evidence import Claim, Sense
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Pose, Side
 from companion.skills.emergency_place import free_spot
-from companion.skills.sight import Neck
+from companion.skills.situation import Neck
 from services.executor.local import ByRays, Felt, Setup
 from services.executor.looks import Saw, See
 from services.executor.receptor import Receptor
@@ -125,7 +125,6 @@ def test_what_meets_something_unseen_is_put_down_beside_it(jar_out: Acting) -> N
     """A bowl's rim is at the jar's place: the jar is put down beside it, upright, on the same surface."""
     retreat = [(transform(one.at), one.fingers) for one in jar_out.retreats[JAR]]
     found = free_spot(jar_out.here, LEFT, retreat)
-    assert found is not None
     place, path = found
     put(jar_out, BOWL, place.translation + np.array([0.0, RIM_M, 0.005 - JAR_M / 2]))
     jar_out.eye, at = Blind(), Pose(*xyz_quat(place))

@@ -1,0 +1,167 @@
+"""A run as all tools ask it: its records are read once, and what is made of them is made when it is first asked for.
+
+A communicate is taken from the agents' step logs; from the recording only where a run folder has no logs, or where a
+recording stands alone. So it does not matter when the recorder began, or whether it lived. Must not know: what a tool
+wants of it.
+"""
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+
+import msgspec
+
+from agent_runtime.io.tap import Sample
+from operate.fault_lines import FaultFile, done
+from operate.judging import judged
+from operate.recording import history, mcap_file, traced
+from operate.recording.ends import RECEIPT, Ends
+from operate.recording.history import History
+from operate.recording.mcap_file import Read
+from operate.recording.records import HEARTBEAT, Garbage, House, Record, Spoken, Unpaired, sampled
+from operate.recording.stored import NoRecordingError
+from operate.run_folder import (
+    FLEET_FILE,
+    LIVE_FILE,
+    STEPS,
+    TRAFFIC_FILE,
+    Fleet,
+    Judged,
+    LiveLine,
+    ProcessState,
+    ProcessStatus,
+    alike,
+)
+from operate.system import System, of_run
+from operate.tracing.trace import Trace
+from topdown.check.recorded import Observation, Observed
+
+NOT_UP = (ProcessState.GIVEN_UP, ProcessState.BACKING_OFF)
+
+
+class Run:
+    """A run folder, or a recording (.mcap) alone. What cannot be read is left out.
+
+    A recording of another version raises NoRecordingError.
+    """
+
+    def __init__(self, place: Path, system: System | None = None) -> None:
+        """`system`: else the one that the run names."""
+        self.place, self.system = place, of_run(place) if system is None else system
+
+    @cached_property
+    def recorded(self) -> Read:
+        """The records in the order of time, and whether the recorder ended in order."""
+        folder = self.place.is_dir()
+        found = mcap_file.read(self.place / TRAFFIC_FILE if folder else self.place, self.system)
+        records = _in_order(found.records)
+        if folder and any((self.place / STEPS).glob(f"*.{STEPS}")):
+            ends = Ends(self.place, self.system)
+            for one in records:
+                if isinstance(one, House) and one.kind == HEARTBEAT:
+                    ends.lived(one.owner, one.received)
+            records = _in_order((*(one for one in records if not _is_logged(one)), *ends.rest()))
+        return Read(records, found.whole)
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """All that was recorded, in the order of time."""
+        return self.recorded.records
+
+    @cached_property
+    def judged(self) -> tuple[Judged, ...]:
+        """All verdicts about what was said, in the order of time."""
+        return judged.of_records(self.records, self.system)
+
+    @cached_property
+    def history(self) -> History:
+        """What was said, heard and told, with what the files of a run folder tell besides."""
+        past = history.of_records(self.records, self.system, whole=self.recorded.whole, verdicts=self.judged)
+        if not self.place.is_dir():
+            return past
+        later = FaultFile(self.place).new()  # written while no recorder lived
+        faults = done(sorted((*past.faults, *later), key=lambda one: one.t))
+        return msgspec.structs.replace(past, down=self._down(), faults=faults)
+
+    @cached_property
+    def trace(self) -> Trace:
+        """Conversations, and which was opened for the sake of which; of a recording alone all links are by time."""
+        logs = sorted((self.place / STEPS).glob(f"*.{STEPS}")) if self.place.is_dir() else []
+        return traced.of(self.records, self.history, logs, self.system)
+
+    def samples(self, *, everything: bool = False) -> Iterator[Sample]:
+        """The records as samples; without `everything` communicates, tokens and what was no communicate.
+
+        With it also the recorder's own first word, its setting, as if it had been heard.
+        """
+        for record in self.records:
+            if everything or not isinstance(record, House):
+                sample = sampled(record, self.system.design)
+                if sample is not None:
+                    yield sample
+
+    def observed(self) -> Observed:
+        """Everything said, each once, and the names of its events, to compare it with a design."""
+        events = self.system.addition("events")
+        return Observed(
+            communicates=tuple(_observation(one) for one in self.history.said),
+            events=tuple(event.name for event in events(self.history)) if events is not None else (),
+        )
+
+    def _down(self) -> tuple[ProcessStatus, ...]:
+        """Return the processes that did not run in the end, by the supervisor's file; () without one."""
+        try:
+            told = msgspec.json.decode((self.place / FLEET_FILE).read_bytes(), type=Fleet)
+        except (OSError, msgspec.DecodeError):
+            return ()
+        return tuple(one for one in told.processes if one.state in NOT_UP and not one.optional)
+
+
+def opened(place: Path, system: System | None = None) -> Run:
+    """The run at this place. Raise NoRecordingError where it has no record."""
+    run = Run(place, system)
+    if not run.records:
+        path = place / TRAFFIC_FILE if place.is_dir() else place
+        raise NoRecordingError(path, "holds no record that can be read" if path.is_file() else "is not there")
+    return run
+
+
+def verdicts(place: Path, system: System) -> tuple[Judged, ...]:
+    """Every verdict about a run, or about the lines of a live.jsonl where there is no recording.
+
+    Raise NoRecordingError.
+    """
+    if place.is_dir() and not (place / TRAFFIC_FILE).exists() and (place / LIVE_FILE).exists():
+        place /= LIVE_FILE
+    if place.suffix != ".jsonl" or not place.is_file():
+        return opened(place, system).judged
+    lines: list[LiveLine] = []
+    decoder = msgspec.json.Decoder(LiveLine)
+    for raw in place.read_bytes().splitlines():
+        try:
+            lines.append(decoder.decode(raw))
+        except msgspec.DecodeError:  # of another version
+            continue
+    return judged.of_live(lines, system.design)
+
+
+def _in_order(records: tuple[Record, ...]) -> tuple[Record, ...]:
+    return tuple(sorted(records, key=lambda one: one.received))
+
+
+def _is_logged(record: Record) -> bool:
+    """Whether agents' logs have it."""
+    match record:
+        case Spoken() | Unpaired():
+            return True
+        case Garbage(log=log):
+            return bool(log)
+        case House(kind=kind):
+            return kind == RECEIPT
+    return False
+
+
+def _observation(one: Spoken) -> Observation:
+    content = "" if one.content is None else f"{one.language}.{type(one.content).__name__}"
+    act = one.communicate.performative
+    return alike(Observation, one, at=one.received, performative=act, bytes=one.size, content=content)

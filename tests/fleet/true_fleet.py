@@ -1,0 +1,97 @@
+"""Six agents in memory with the true search, the true skills, the true loop and simulated physics.
+
+Loop and simulated Velma are beside ex's agent in one process: a motion is run in the call, to its next look. Virtual
+time goes on by the simulated time it took; a Brake that answers no look therefore always comes too late.
+"""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from pretended_fleet import Fleet
+
+from agent_runtime.io.devices import Post
+from companion.eyes import Eyes
+from companion.languages.facts import Facts
+from companion.skills.loop_messages import Phase
+from services.executor.device import RobotDevice
+from services.executor.local import Brake, Do, Felt, GoOn, Halt, Moved, Passing, Setup, Stands, Where
+from services.executor.loop.core import LoopCore
+from services.executor.renderer import Renderer
+from services.executor.skill_device import SkillDevice
+from services.executor.world import scene_of
+from services.planner.search_device import SearchDevice
+from velma.model.scene import CANONICAL, load, vary
+from velma.names import SIDES
+from velma.sim.mujoco_backend import MujocoBackend
+from velma.sim.truth import TruthReader
+
+
+class TrueFleet(Fleet):
+    """Six agents; search and skills are child processes, the loop is called."""
+
+    def __init__(self, seed: int, eyes: Eyes = Eyes.RAYS, scene: Path = CANONICAL) -> None:
+        backend = MujocoBackend(vary(load(scene), seed))
+        self.truth = TruthReader(backend)
+        self.core = LoopCore(backend)
+        self.core.hold(0.4)
+        setup = Setup(str(scene), seed, eyes)
+
+        def robot(post: Post) -> RobotDevice:
+            return RobotDevice(
+                SkillDevice(post, setup, Renderer(partial(scene_of, setup))), CalledLoop(post, self.core)
+            )
+
+        super().__init__(seed=seed, search=SearchDevice, robot=robot)
+
+
+class CalledLoop:
+    """A device over a core that outlives it."""
+
+    busy = False
+
+    def __init__(self, post: Post, core: LoopCore) -> None:
+        self._post, self._core = post, core
+
+    def tell(self, content: Where | Halt | Do | GoOn | Brake) -> None:
+        """Do it now."""
+        match content:
+            case Where(number=number) | Halt(number=number):
+                self._post(Stands(number, self._felt("idle", ())))
+            case Do(number=number, motion=motion):
+                self._core.begin(motion)
+                self._go_on(number)
+            case GoOn(number=number) if self._core.look_due:
+                self._core.look_again(content.key, content.look_in_s)
+                self._go_on(number)
+            case Brake(number=number) if self._core.look_due:
+                self._core.cancel(content.key)
+                self._go_on(number)
+
+    def _go_on(self, number: int) -> None:
+        began = self._core.state.time
+        while self._core.report.phase is Phase.RUNNING and not self._core.look_due:
+            self._core.cycle()
+        report = self._core.report
+        felt = self._felt(str(report.phase), report.why)
+        word = Passing if report.phase is Phase.RUNNING else Moved
+        self._post(word(number, felt), felt.time - began)
+
+    def close(self) -> None:
+        """The loop goes on without its agent."""
+
+    def _felt(self, ended: str, why: Facts) -> Felt:
+        core = self._core
+        state, report = core.state, core.report
+        return Felt(
+            q=core.setpoint.tobytes(),
+            measured=state.q.tobytes(),
+            head=(float(state.head[0]), float(state.head[1])),
+            time=float(state.time),
+            world=np.asarray(core.backend.configuration()).tobytes(),
+            ended=ended,
+            why=why,
+            touched={side: report.hand(side).touched for side in SIDES},
+            grips={side: report.hand(side).grip for side in SIDES},
+            fingers={side: float(np.mean(state.proximal[row])) for row, side in enumerate(SIDES)},
+        )
