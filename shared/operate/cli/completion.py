@@ -83,7 +83,7 @@ def every_protocol(ctx: typer.Context, incomplete: str) -> list[str]:
 
     own = [name for design in _designs(ctx) for name in design.own_tables]
     names = [name for protocol in known() for name in (protocol.name, *protocol.aliases)]
-    return among(dict.fromkeys([*own, *names]), incomplete)
+    return among(dict.fromkeys([*own, *sorted(names)]), incomplete)
 
 
 def protocols_and_uses(ctx: typer.Context, incomplete: str) -> list[str]:

@@ -71,9 +71,8 @@ def unheard(now: Look) -> Iterator[str]:
         from agent_runtime.core import peers as of_agents
 
         for name, line in found:
-            yield of_agents.unheard_text(
-                name, of_agents.Unheard(line.peer, line.channel, line.what, line.since), time.time()
-            )
+            one = of_agents.Unheard(line.peer, line.channel, line.what, line.since)
+            yield of_agents.unheard_text(name, one, time.time())
 
 
 def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
