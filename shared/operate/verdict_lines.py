@@ -10,7 +10,9 @@ from fipa_codec.errors import FipaError
 from operate.run_folder import Judged, alike
 from operate.system import System
 from operate.wording import one_line
+from topdown.judge import follow
 from topdown.judge.verdicts import Judgement, Verdict
+from topdown.model.design import Design
 
 OF_KEYS = (Verdict.WRONG_CHANNEL, Verdict.NOT_ENTITLED)
 """Verdicts about what a communicate was put on, beside MALFORMED."""
@@ -37,6 +39,17 @@ def line(judgement: Judgement, system: System | None) -> Judged:
         key=heard.key if judgement.verdict in OF_KEYS else "",
         violation=judgement.violation,
     )
+
+
+def sides(design: Design, protocol: str, one: str, other: str) -> tuple[str, str]:
+    """Return initiator and participant of a conversation of two agents by the design, else `one` (who began) first."""
+    uses = {(use.initiator, use.participant) for use in design.file.protocol if use.follows == protocol}
+    return (other, one) if (other, one) in uses and (one, other) not in uses else (one, other)
+
+
+def ended(design: Design, protocol: str, states: tuple[str, str]) -> bool:
+    """Whether both sides are at an end of their protocol."""
+    return protocol in design.tables and follow.ended(design.tables[protocol], states)
 
 
 def outcome(verdicts: Mapping[str, int]) -> str:

@@ -30,6 +30,7 @@ REPORTED = """
 from pathlib import Path
 from companion.tools.system import SYSTEM
 from operate.pictures.feed import feeding
+from operate.recording.run import Run
 from operate.reports import make
 from operate.recording.run import Run
 import services.monitor.__main__, operate.recording.recorder

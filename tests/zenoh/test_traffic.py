@@ -1,6 +1,5 @@
 """`roco traffic`, `roco record` and `roco replay` over a real router: what goes by is counted, kept and said again."""
 
-import fcntl
 import signal
 import subprocess
 import sys
@@ -21,7 +20,8 @@ from agent_runtime.io.steplog import StepLogs
 from fipa_codec.communicate import decode, encode
 from operate.cli.traffic.listen import Said, recorded, said
 from operate.cli.traffic.play import moved
-from operate.recording import mcap_file
+from operate.recording import index, mcap_file
+from operate.recording.contents import contents
 from operate.recording.records import Spoken
 from operate.run_folder import FLEET_FILE, Fleet
 
@@ -115,7 +115,7 @@ def test_echo_prints_what_is_meant_as_it_is_judged(router: Router) -> None:
 
 def test_bw_counts_bytes_until_it_is_interrupted(router: Router) -> None:
     """Ctrl-C is the ordinary end: the last line has all that went by."""
-    process = router.roco("traffic", "bw", "--format", "json")
+    process = router.roco("traffic", "stats", "bw", "--format", "json")
     router.say(60)
     assert process.stdout is not None
     lines = iter(process.stdout.readline, b"")
@@ -164,15 +164,14 @@ def test_a_recording_is_ended_by_an_interrupt(router: Router) -> None:
 
 
 def test_a_recorder_that_is_killed_leaves_a_recording(router: Router) -> None:
-    """kill -9 of the command: what was flushed is there, and nobody is left who writes."""
+    """kill -9 of the command: what was flushed is there, and soon has its index."""
     file = router.run / "cut.mcap"
     process = router.roco("record", "--out", str(file))
     router.say(100)
     wait_for(lambda: _kept(file) == 100, "all is flushed")
     process.kill()
     process.wait(DEADLINE_S)
-    with file.open("rb") as opened:
-        fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)  # which whoever writes holds
+    wait_for(lambda: index.REPAIRED in contents(file).notes, "it is closed")
     assert _kept(file) == 100
 
 

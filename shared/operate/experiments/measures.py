@@ -11,9 +11,10 @@ import msgspec
 import pyarrow
 
 from operate.experiments.intervals import Interval
-from operate.experiments.run_figures import Figures, Result, Said, Setting
+from operate.experiments.run_figures import Figures, Result, Said
 from operate.quantiles import enough
 from operate.recording.history import History
+from operate.run_folder import ExperimentSetting
 from operate.system import NoSystemError, System
 from topdown.model.design import Design
 
@@ -108,7 +109,7 @@ class Runs(msgspec.Struct, frozen=True):
     """
 
     name: str
-    setting: Setting | None
+    setting: ExperimentSetting | None
     results: tuple[Result[Any], ...]
     said: dict[int, tuple[Said, ...]]
     measures: Measures
@@ -183,12 +184,12 @@ def _bytes(figures: Figures) -> Value:
     return sum(one.total for one in sizes) / 1000 if sizes else None
 
 
-def _largest(figures: Figures) -> Value:
-    return max((one.largest for one in figures.communicates.per_channel.values()), default=None)
-
-
 def _small(figures: Figures) -> Value:
     return None if figures.communicates.small is None else 100 * figures.communicates.small
+
+
+def _largest(figures: Figures) -> Value:
+    return max((one.largest for one in figures.communicates.per_channel.values()), default=None)
 
 
 SMALL, LARGEST = "share below 0.5 kB", "largest communicate"

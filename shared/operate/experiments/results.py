@@ -8,10 +8,10 @@ import msgspec
 
 from operate.experiments import measures, tables
 from operate.experiments.measures import Runs
-from operate.experiments.run_figures import Figures, Result, Said, Setting, said
+from operate.experiments.run_figures import Figures, Result, Said, said
 from operate.recording.run import opened
 from operate.reports import report
-from operate.run_folder import REPORT_FILE, TRAFFIC_FILE, NothingToRead
+from operate.run_folder import REPORT_FILE, TRAFFIC_FILE, ExperimentSetting, NothingToRead
 from operate.system import System, of_run
 
 SETTING_FILE = "experiment.json"
@@ -69,10 +69,10 @@ def results(place: Path, figures: type[Figures] = Figures) -> tuple[Result[Any],
     return tuple(found[seed] for seed in sorted(found, key=lambda seed: seed or 0))
 
 
-def setting(place: Path) -> Setting | None:
+def setting(place: Path) -> ExperimentSetting | None:
     """Return an experiment's setting, None if it was not written down."""
     try:
-        return msgspec.json.decode((place / SETTING_FILE).read_bytes(), type=Setting)
+        return msgspec.json.decode((place / SETTING_FILE).read_bytes(), type=ExperimentSetting)
     except (OSError, msgspec.DecodeError):
         return None
 

@@ -15,24 +15,6 @@ from operate.reports.counts import Communicates, Latency
 from operate.run_folder import alike
 
 
-class Setting(msgspec.Struct, frozen=True):
-    """experiment.json, as `roco experiment` writes it."""
-
-    task: str = ""
-    runs: int = 0
-    seed: int = 0
-    speed: str = ""
-    scene: str = ""
-    timeout_s: float = 0.0
-    most_load: float = 0.0
-    began: float = 0.0
-    version: str = ""
-    commit: str = ""
-    machine: str = ""
-    cores: int = 0
-    python: str = ""
-
-
 class Happened(msgspec.Struct, frozen=True):
     """An event, of these things or numbers, `t` s after the first communicate, `sim_s` on the simulation's clock.
 

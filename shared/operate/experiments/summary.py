@@ -9,7 +9,8 @@ import msgspec
 from operate.experiments import intervals
 from operate.experiments.intervals import Interval
 from operate.experiments.measures import Measures, Published, Row, Runs, values
-from operate.experiments.run_figures import Figures, Result, Setting
+from operate.experiments.run_figures import Figures, Result
+from operate.run_folder import ExperimentSetting
 
 SENT, RECEIVED = "sent", "received"
 """The margins of the count matrix: a last row, and a last column."""
@@ -49,7 +50,7 @@ class Summary(msgspec.Struct, frozen=True):
 
     name: str
     method: str
-    setting: Setting | None
+    setting: ExperimentSetting | None
     runs: int
     success: Interval
     failures: tuple[Failure, ...]

@@ -4,6 +4,7 @@ again, without any fleet; `... observations RUN_DIR` prints what was said. `... 
 
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -38,7 +39,16 @@ def observations(run_dir: Annotated[Path, typer.Argument(help="A run folder.", e
     sys.stdout.buffer.write(msgspec.json.encode(Run(run_dir).observed()) + b"\n")
 
 
-VERBS: dict[str, Callable[..., None]] = {"report": report, "observations": observations}
+def closed(file: Annotated[Path, typer.Argument(help="A recording.")]) -> None:
+    """Wait until standard input ends, with who records; then give the recording its index, if it has none."""
+    from operate.recording import index
+
+    sys.stdin.buffer.read()
+    with suppress(OSError):  # it was taken away meanwhile
+        index.write(file)
+
+
+VERBS: dict[str, Callable[..., None]] = {"report": report, "observations": observations, "closed": closed}
 
 
 def main() -> None:

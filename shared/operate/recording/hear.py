@@ -37,7 +37,8 @@ def serve(options: Options, system: System) -> int:
     waiting, until = Waiting(), time.monotonic() + ROUTER_S
     threading.Thread(target=_listen_for_the_end, args=(waiting,), daemon=True).start()
     ends = Ends(options.run_dir, system, ends_now(options.run_dir))
-    tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until, _identity(options))
+    who = CONSOLE if options.keys is None or key_file(options.keys, CONSOLE).is_file() else RECORDER
+    tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until, who)
     if tap is None:
         look = f"Its recording is looked at with --run {options.run_dir}"
         print(f"no router answers at {options.connect}; is the fleet up (`roco status`)? {look}", file=sys.stderr)
@@ -49,11 +50,6 @@ def serve(options: Options, system: System) -> int:
     finally:
         tap.close()
     return 0
-
-
-def _identity(options: Options) -> str:
-    there = options.keys is None or key_file(options.keys, CONSOLE).is_file()
-    return CONSOLE if there else RECORDER
 
 
 def _print(waiting: Waiting, ends: Ends, options: Options, system: System) -> None:

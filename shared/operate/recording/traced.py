@@ -20,7 +20,7 @@ from operate.recording.records import Record, Spoken, Token
 from operate.run_folder import Fault, Judged, alike
 from operate.system import System
 from operate.tracing.trace import Away, Identity, Message, Step, Talk, Trace, spans
-from topdown.judge import follow
+from operate.verdict_lines import ended, sides
 
 LONGEST_S = 60.0
 """From a fault to the return of its agent; estimate: it is started again in seconds, at worst in a minute."""
@@ -48,10 +48,6 @@ def _message(one: Spoken, system: System) -> Message:
 
 def _talks(said: list[Message], judged: tuple[Judged, ...], system: System) -> Iterator[Talk]:
     """Yield what was said as conversations of two agents each."""
-    sides = {
-        (use.follows, frozenset((use.initiator, use.participant))): (use.initiator, use.participant)
-        for use in system.design.file.protocol
-    }
     states = {_pair(one.conversation, one.protocol, one.sender, one.receiver): one for one in judged if one.initiator}
     grouped: defaultdict[tuple[str, str, frozenset[str]], list[Message]] = defaultdict(list)
     for one in said:
@@ -59,11 +55,9 @@ def _talks(said: list[Message], judged: tuple[Judged, ...], system: System) -> I
     for key, messages in grouped.items():
         messages.sort(key=lambda one: one.sent)
         first = messages[0]
-        both_ways = (first.protocol, frozenset((first.sender, first.receiver)))
-        initiator, participant = sides.get(both_ways, (first.sender, first.receiver))
-        table, last = system.design.tables.get(first.protocol), states.get(key)
-        ended = table is not None and last is not None and follow.ended(table, (last.initiator, last.participant))
-        yield Talk(first.conversation, first.protocol, first.channel, initiator, participant, ended, tuple(messages))
+        last, pair = states.get(key), sides(system.design, first.protocol, first.sender, first.receiver)
+        over = last is not None and ended(system.design, first.protocol, (last.initiator, last.participant))
+        yield Talk(first.conversation, first.protocol, first.channel, *pair, over, tuple(messages))
 
 
 def _pair(conversation: str, protocol: str, one: str, other: str) -> tuple[str, str, frozenset[str]]:

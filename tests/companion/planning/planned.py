@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-from services.task.words import SURVEY
-
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Pose, Side
@@ -15,6 +13,7 @@ from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene
 from services.knowledge.store import Store
+from services.task.outgoing_messages import SURVEY
 from velma import names
 from velma.kinematics.frames import xyz_quat
 from velma.model import scene as model

@@ -11,17 +11,20 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "operate"))
 from synthetic import Run, pour
 
 from companion.tools import asking
+from companion.tools.system import SYSTEM
+from operate.recording import run
 from services.knowledge import asked
 
-_recorded = cache(asking._recorded)
+_open = run.opened
+_opened = cache(lambda place: _open(place, SYSTEM))
 
 
 @pytest.fixture
 def answered_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Questions are answered in this process, of recordings that are read once."""
+    """Questions are answered in this process."""
     monkeypatch.setattr(asked, "bound", lambda seconds: None)
     monkeypatch.setattr(asking, "answered", asked.answer)
-    monkeypatch.setattr(asking, "_recorded", _recorded)
+    monkeypatch.setattr(run, "opened", lambda place, system=None: _opened(place))
 
 
 @pytest.fixture(scope="session")

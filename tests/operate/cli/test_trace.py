@@ -83,6 +83,15 @@ def test_why_of_another_system() -> None:
     assert re.search(r"ox was gone for \d+\.\d s", out)
 
 
+@pytest.mark.parametrize("subject", ["hi-1-1", "hi-1-1/co"])
+def test_one_subject_is_meant_alike_by_all(subject: str) -> None:
+    """A conversation, or a part of it with one participant; the task that it is."""
+    (talk,) = in_json("conversation", subject, "--run", POUR)
+    assert (talk["id"], talk["participant"]) == ("hi-1-1", "co")
+    assert in_json("trace", subject, "--run", POUR)["spans"][0]["id"] == "hi-1-1"
+    assert in_json("why", subject, "--run", POUR)["about"] == "hi-1-1"
+
+
 def test_a_sentence_names_its_record() -> None:
     """With --records, and for programs always: every sentence of a chain stands somewhere."""
     assert re.search(r"\[C2 co > hi inform, id \d+\]", roco("why", "--run", POUR, "--records")[1])

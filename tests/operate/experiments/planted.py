@@ -9,8 +9,9 @@ import msgspec
 from companion.tools.report.measures import MEASURES, Plan, PourFigures
 from operate.experiments import results
 from operate.experiments.measures import Runs
-from operate.experiments.run_figures import Happened, Result, Said, Setting
+from operate.experiments.run_figures import Happened, Result, Said
 from operate.reports.counts import Communicates, Latency, Sizes, Spans
+from operate.run_folder import ExperimentSetting
 
 Change = Callable[[PourFigures], PourFigures]
 
@@ -86,7 +87,7 @@ def times(factor: float, *names: str) -> Change:
     return lambda one: msgspec.structs.replace(one, **{name: factor * getattr(one, name) for name in names})
 
 
-def written(place: Path, of: Runs, setting: Setting | None = None) -> Path:
+def written(place: Path, of: Runs, setting: ExperimentSetting | None = None) -> Path:
     """An experiment's folder with these results, as `roco experiment` leaves it, without recordings."""
     from operate.experiments import tables
 

@@ -12,8 +12,7 @@ from companion.tools import asking
 from operate.cli.errors import NO, UsageError
 from operate.cli.fleet import targets
 from operate.cli.output import Format, RunDir, problems
-from operate.cli.traffic.filter_options import Recorded
-from operate.cli.traffic.subject import recording_of
+from operate.cli.traffic.selection import Recorded, recording_of
 
 
 class As(StrEnum):

@@ -32,11 +32,10 @@ from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Look, stuck
 from operate.cli.fleet.tasks import ENDED
 from operate.cli.fleet.up import Rate, SceneFile, Speed
-from operate.cli.output import Form, Format, problems, waiting
+from operate.cli.output import FirstSeed, Form, Format, Seed, problems, waiting
 from operate.cli.runs import folders
 from operate.cli.runs.experiment import Count, MostLoad, Place, Resume, Timeout, repeated
 from operate.cli.runs.trials import Asked
-from operate.cli.seeds import FirstSeed, Seed
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.run_state import View
 from operate.cli.terminal.watch import Watch

@@ -11,14 +11,14 @@ from operate.cli import completion, interrupts
 from operate.cli.errors import UsageError
 from operate.cli.faults import inflict, moments
 from operate.cli.faults.kinds import KINDS, VERBS, Kind
-from operate.cli.fleet import living_names, targets
+from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.fault_lines import latest, read
 from operate.run_folder import Fault
 
-Process = Annotated[str, typer.Argument(metavar="PROCESS", help="A process.", autocompletion=living_names.processes)]
+Process = Annotated[str, typer.Argument(metavar="PROCESS", help="A process.", autocompletion=targets.processes)]
 At = Annotated[
     str,
     typer.Option(

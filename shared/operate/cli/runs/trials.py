@@ -21,7 +21,7 @@ from agent_runtime.io.run_files import make_run
 from operate.cli.errors import UsageError
 from operate.cli.fleet import starting
 from operate.cli.runs import machine
-from operate.run_folder import REPORT_FILE
+from operate.run_folder import REPORT_FILE, ExperimentSetting
 
 SETTING_FILE = "experiment.json"
 RESULTS_FILE = "results.jsonl"
@@ -31,25 +31,9 @@ LOOK_S = 0.5  # estimate: how often a waiting person's picture is renewed
 HOPELESS = 3  # runs in a row without a report: something is wrong with the machine, not with the robot (estimate)
 
 
-class Setting(msgspec.Struct, frozen=True):
-    """experiment.json: what is repeated, with which seeds, and where. `command`: words of `roco`, to which seed, speed,
-    scene and run folder are added; `timeout_s`: wall time of one run; `most_load`: a run waits until the machine's load
-    is not above it, 0: it does not.
-    """
+class Setting(ExperimentSetting, frozen=True):
+    """experiment.json with its `command`: words of `roco`, to which seed, speed, scene and run folder are added."""
 
-    task: str
-    runs: int
-    seed: int
-    speed: str
-    scene: str
-    timeout_s: float
-    most_load: float
-    began: float
-    version: str
-    commit: str
-    machine: str
-    cores: int
-    python: str
     command: tuple[str, ...] = ()
 
     @property

@@ -12,12 +12,20 @@ from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal import sequence
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.filter_options import Agents, Channels, Performatives, Protocols, Recorded, wanted
 from operate.cli.traffic.listen import about
-from operate.cli.traffic.subject import Subject, lines_of
+from operate.cli.traffic.selection import (
+    Agents,
+    Channels,
+    Performatives,
+    Protocols,
+    Recorded,
+    Subject,
+    lines_of,
+    wanted,
+)
 from operate.run_folder import Judged
 from operate.tracing.trace import is_meant
-from topdown.judge import follow
+from operate.verdict_lines import ended, sides
 from topdown.judge.verdicts import Verdict
 from topdown.model.design import Design
 
@@ -121,9 +129,7 @@ def table(found: list[Conversation]) -> Table:
 
 def _made(said: list[Judged], design: Design) -> Conversation:
     first = said[0]
-    pair = {(use.initiator, use.participant) for use in design.file.protocol if use.follows == first.protocol}
-    forth = (first.sender, first.receiver) in pair or (first.receiver, first.sender) not in pair
-    initiator, participant = (first.sender, first.receiver) if forth else (first.receiver, first.sender)
+    initiator, participant = sides(design, first.protocol, first.sender, first.receiver)
     states = next(((one.initiator, one.participant) for one in reversed(said) if one.initiator), ("", ""))
     return Conversation(
         id=first.conversation,
@@ -133,7 +139,7 @@ def _made(said: list[Judged], design: Design) -> Conversation:
         participant=participant,
         since=first.t,
         until=said[-1].t,
-        ended=first.protocol in design.tables and follow.ended(design.tables[first.protocol], states),
+        ended=ended(design, first.protocol, states),
         states=states,
         violations=sum(one.violation for one in said),
         said=tuple(said),

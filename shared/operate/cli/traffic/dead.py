@@ -12,8 +12,8 @@ from operate.cli.fleet.local import Local
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import Cell, table
-from operate.cli.traffic.filter_options import Agents, Recorded, wanted
 from operate.cli.traffic.listen import about
+from operate.cli.traffic.selection import Agents, Recorded, wanted
 from operate.run_folder import DeadLetter
 
 

@@ -18,7 +18,8 @@ from fipa_codec.communicate import Communicate, decode
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.filter_options import (
+from operate.cli.traffic.listen import Source, about, said, source
+from operate.cli.traffic.selection import (
     Agents,
     Channels,
     Count,
@@ -28,7 +29,6 @@ from operate.cli.traffic.filter_options import (
     Seconds,
     wanted,
 )
-from operate.cli.traffic.listen import Source, about, said, source
 from operate.filters import Filter
 from operate.run_folder import Judged
 from operate.system import System

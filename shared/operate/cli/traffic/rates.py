@@ -20,7 +20,8 @@ from rich.text import Text
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.filter_options import (
+from operate.cli.traffic.listen import Said, Source, about, said, source
+from operate.cli.traffic.selection import (
     Agents,
     Channels,
     Count,
@@ -30,7 +31,6 @@ from operate.cli.traffic.filter_options import (
     Seconds,
     wanted,
 )
-from operate.cli.traffic.listen import Said, Source, about, said, source
 from operate.filters import Filter
 from operate.quantiles import quantile, tail
 from operate.wording import bytes_in_words

@@ -4,6 +4,7 @@ file (`info`), and the index of one whose recorder was killed (`repair`).
 
 import contextlib
 import subprocess
+import sys
 import threading
 import time
 from datetime import datetime
@@ -23,8 +24,8 @@ from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
-from operate.cli.traffic.filter_options import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
-from operate.cli.traffic.listen import about, hearing
+from operate.cli.traffic.listen import RECORDING, about, hearing
+from operate.cli.traffic.selection import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
 from operate.run_folder import TRAFFIC_FILE
 from operate.wording import bytes_in_words
 
@@ -72,7 +73,11 @@ def record(
         if not file.parent.is_dir():
             raise UsageError(f"{file.parent} is no folder; make it, or name another --out")
         with hearing(run_dir, target) as (_, heard):
-            done = _recorded(Keeper(Asked(file, which, count, for_), system), heard, form)
+            keeper = Keeper(Asked(file, which, count, for_), system)
+            words = [sys.executable, "-P", "-m", RECORDING, "closed", str(file)]  # should this process be killed
+            with subprocess.Popen(words, stdin=subprocess.PIPE, start_new_session=True) as closes:
+                done = _recorded(keeper, heard, form)
+                closes.kill()
         if form is Format.JSON:
             tell_json(done)
         else:

@@ -299,15 +299,12 @@ def _play(
             look(len(script.spoken))
             if found is not None:
                 return found, heard
-        elif line is not None and now - moved_on > PATIENCE_S + _pause(part, line) / (fast or 1.0):
-            return Difference(line.n, "words", plain(line.communicate), None), line.communicate
+        elif line is not None:
+            pause = line.at - part[line.n - 2].at if line.n > 1 else 0.0
+            if now - moved_on > PATIENCE_S + pause / (fast or 1.0):
+                return Difference(line.n, "words", plain(line.communicate), None), line.communicate
     extra = cast.hear(END_S)
     return None if extra is None else (Difference(0, "words", None, plain(extra)), extra)
-
-
-def _pause(part: tuple[Part, ...], line: Part) -> float:
-    """Return the recorded pause before the line [s]."""
-    return line.at - part[line.n - 2].at if line.n > 1 else 0.0
 
 
 @contextmanager

@@ -25,9 +25,9 @@ from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.traffic import replace, verify
-from operate.cli.traffic.filter_options import Agents, Channels, Performatives, Protocols, wanted
 from operate.cli.traffic.listen import HOUSE, recorded, said
 from operate.cli.traffic.play import Player, Replayed, sentence
+from operate.cli.traffic.selection import Agents, Channels, Performatives, Protocols, wanted
 from operate.filters import Filter
 from operate.run_folder import FLEET_FILE, LIVE_FILE, STEPS, Fleet
 from operate.system import System, of_run
@@ -180,10 +180,11 @@ class Shown:
         from operate.recording.records import Spoken, understood
 
         record = understood(sample, self._system)
-        if isinstance(record, Spoken):
-            self._logs.passed(record.communicate, record.received)
-        for line in self._live.lines(record):
-            self._file.write(msgspec.json.encode(line) + b"\n")
+        with contextlib.suppress(OSError):  # the replay goes on without its picture
+            if isinstance(record, Spoken):
+                self._logs.passed(record.communicate, record.received)
+            for line in self._live.lines(record):
+                self._file.write(msgspec.json.encode(line) + b"\n")
 
     def close(self) -> None:
         """Leave nothing behind."""

@@ -35,7 +35,7 @@ from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.cli.traffic.listen import fields_of
-from operate.cli.traffic.subject import names as conversation_names
+from operate.cli.traffic.selection import names as conversation_names
 from operate.run_folder import Fleet
 from operate.system import System
 from topdown.judge.admission import Admission

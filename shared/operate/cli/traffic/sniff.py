@@ -18,7 +18,8 @@ from operate.cli.output import Form, Format, RunDir, problems
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.sequence import Lifelines, mark
 from operate.cli.traffic.echo import ENDLESS, chosen, tell_line, tell_lost
-from operate.cli.traffic.filter_options import (
+from operate.cli.traffic.listen import Source, about, source
+from operate.cli.traffic.selection import (
     Agents,
     Channels,
     Count,
@@ -28,7 +29,6 @@ from operate.cli.traffic.filter_options import (
     Seconds,
     wanted,
 )
-from operate.cli.traffic.listen import Source, about, source
 from operate.filters import Filter
 from operate.run_folder import Judged
 from operate.wording import bytes_in_words

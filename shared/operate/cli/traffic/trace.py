@@ -11,8 +11,7 @@ from operate.cli.fleet import targets
 from operate.cli.output import Format, RunDir, problems, tell_json
 from operate.cli.terminal import span_tree
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.filter_options import Recorded
-from operate.cli.traffic.subject import Subject, recording_of
+from operate.cli.traffic.selection import Recorded, Subject, recording_of
 from operate.run_folder import alike
 from operate.tracing import otlp
 from operate.tracing.trace import Span, Trace

@@ -83,7 +83,7 @@ def _named(parted: Parted, kept: Kept) -> tuple[str, Any, Any]:
     for then in _possible(parted, now, kept):
         if fingerprint(then) == parted.output:  # the same values in other bytes are in another order
             return difference(_plain(then), _plain(now)) or ("record", then.record, now.record)
-    found = difference(_worded(next(_sent(parted.at, now.sends, kept.said))), _worded(now.sends), "sends")
+    found = difference(_fields(next(_sent(parted.at, now.sends, kept.said))), _fields(now.sends), "sends")
     if found is not None:
         return found
     whole = kept.said and parted.before in kept.journal
@@ -127,7 +127,7 @@ def _receipted(now: tuple[Receipt, ...], then: Sequence[Receipt]) -> Iterator[tu
 def _plain(effects: Effects) -> dict[str, Any]:
     return {
         "record": None if effects.record is None else msgspec.msgpack.decode(effects.record),
-        "sends": _worded(effects.sends),
+        "sends": _fields(effects.sends),
         "receipts": _value_told(effects.receipts),
         "tells": _value_told(effects.tells),
     }
@@ -137,7 +137,7 @@ def _value_told(value: Any) -> Any:
     return msgspec.msgpack.decode(msgspec.msgpack.encode(value))
 
 
-def _worded(sends: Iterable[Communicate]) -> list[dict[str, Any]]:
+def _fields(sends: Iterable[Communicate]) -> list[dict[str, Any]]:
     return [fields_of(one) for one in sends]
 
 
@@ -264,11 +264,13 @@ def _verified(run: Path, done: Again, evidence: Evidence) -> Verified:
     heard, said = evidence.words[done.agent], {(one.receiver, one.id): one for one in done.said}
     found: Difference | None
     if done.parted is not None:
-        found = first(done.parted, _kept(run, done.agent, done.parted, evidence))
+        journal = run / JOURNAL / f"{done.agent}.{JOURNAL}"
+        kept = tuple(records(journal.read_bytes())) if journal.is_file() else ()
+        receipts = evidence.receipts(done.agent, done.parted.at)
+        found = first(done.parted, Kept(kept, evidence.said(done.agent), receipts))
     else:
-        found = next(
-            (_misheard(one, heard[place]) for place, one in said.items() if _other(one, heard.get(place))), None
-        )
+        others = (one for place, one in said.items() if place in heard and one.digest not in heard[place])
+        found = next((_misheard(one, heard[one.receiver, one.id]) for one in others), None)
     return Verified(
         agent=done.agent,
         lives=done.lives,
@@ -280,22 +282,10 @@ def _verified(run: Path, done: Again, evidence: Evidence) -> Verified:
     )
 
 
-def _other(one: SentAgain, heard: set[bytes] | None) -> bool:
-    """Whether only something else went by in the place of a communicate."""
-    return heard is not None and one.digest not in heard
-
-
 def _misheard(one: SentAgain, heard: set[bytes]) -> Difference:
     field = f"recording of the communicate {one.id} to {one.receiver}"
     was, now = (f"digest {digest.hex()}" for digest in (min(heard), one.digest))
     return Difference(one.incarnation, one.step, one.at, one.kind, field, was, now)
-
-
-def _kept(run: Path, agent: str, parted: Parted, evidence: Evidence) -> Kept:
-    """Return the run's evidence about an agent's step, to tell what the step put out."""
-    journal = run / JOURNAL / f"{agent}.{JOURNAL}"
-    found = tuple(records(journal.read_bytes())) if journal.is_file() else ()
-    return Kept(found, evidence.said(agent), evidence.receipts(agent, parted.at))
 
 
 def _print(found: list[Verified]) -> None:

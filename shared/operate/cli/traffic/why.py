@@ -8,8 +8,7 @@ from rich.text import Text
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.filter_options import Recorded
-from operate.cli.traffic.subject import Subject, recording_of
+from operate.cli.traffic.selection import Recorded, Subject, recording_of
 from operate.tracing.reasons import Fact, Why
 
 TIME = 9

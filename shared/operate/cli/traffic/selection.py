@@ -1,7 +1,8 @@
-"""What `conversation`, `trace` and `why` are asked about, and in which run: the same options, the same names.
+"""Options by which verbs about traffic are told what is meant: which messages, for how long, in which run, and about
+which subject.
 
-A subject is a conversation, CONVERSATION or, where an agent has it with several, CONVERSATION/PARTICIPANT. A task is
-the conversation that opened it.
+A subject of `conversation`, `trace` and `why` is a conversation, CONVERSATION or, where an agent has it with several,
+CONVERSATION/PARTICIPANT. A task is the conversation that opened it.
 """
 
 from pathlib import Path
@@ -14,8 +15,52 @@ from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.traffic.verdicts import judged, told
+from operate.filters import Filter, UnknownNameError, checked
 from operate.run_folder import Judged, NothingToRead
 from operate.system import NoSystemError
+from topdown.model.design import Design
+
+Channels = Annotated[
+    list[str] | None,
+    typer.Option("--channel", help="Only on this channel; may be repeated.", autocompletion=completion.channels),
+]
+Agents = Annotated[
+    list[str] | None,
+    typer.Option("--agent", help="Only from or to this agent; may be repeated.", autocompletion=completion.agents),
+]
+Protocols = Annotated[
+    list[str] | None,
+    typer.Option("--protocol", help="Only of this protocol; may be repeated.", autocompletion=completion.protocols),
+]
+Performatives = Annotated[
+    list[str] | None,
+    typer.Option("--performative", help="Only this act; may be repeated.", autocompletion=completion.performatives),
+]
+Recorded = Annotated[
+    Path | None,
+    typer.Option(
+        "--run",
+        help="A recording, or the folder of a run that has one; else a running fleet.",
+        autocompletion=completion.runs,
+    ),
+]
+Count = Annotated[int, typer.Option("--count", min=0, help="End after so many communicates; 0: go on.")]
+Seconds = Annotated[float, typer.Option("--for", min=0.0, help="End after so many seconds; 0: go on till Ctrl-C.")]
+
+
+def wanted(
+    design: Design,
+    channels: list[str] | None,
+    agents: list[str] | None,
+    protocols: list[str] | None,
+    performatives: list[str] | None,
+) -> Filter:
+    """The filter. Raises UsageError for a name that the design does not have."""
+    one = Filter(tuple(channels or ()), tuple(agents or ()), tuple(protocols or ()), tuple(performatives or ()))
+    try:
+        return checked(one, design)
+    except UnknownNameError as error:
+        raise UsageError(str(error)) from error
 
 
 def lines_of(run: Path | None, target: str, run_dir: Path | None) -> list[Judged]:
