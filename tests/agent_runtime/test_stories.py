@@ -1,10 +1,12 @@
 """Every protocol of FIPA is carried by the runtime, between two agents, in a crowd and by a broker, under faults."""
 
+from collections.abc import Iterable
+
 import fipa_agents as fipa
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toy_agents import LANGUAGES, asker
+from toy_agents import LANGUAGES, asker, fleet
 
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Started
@@ -20,12 +22,14 @@ from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
 
 
-def stage(faults: Faults | None = None, seed: int = 0, query: Delivery = Delivery.DURABLE) -> MemoryBus:
-    """Alice and Bob on the wires."""
-    wires = MemoryBus(seed=seed, faults=faults)
-    for name in ("alice", "bob"):
-        wires.add(fipa.made(name), fipa.wiring(name, query=query))
-    return wires
+def stage(
+    faults: Faults | None = None,
+    seed: int = 0,
+    query: Delivery = Delivery.DURABLE,
+    names: Iterable[str] = ("alice", "bob"),
+) -> MemoryBus:
+    """These agents in memory."""
+    return fleet(*((fipa.made(name), fipa.wiring(name, query=query)) for name in names), seed=seed, faults=faults)
 
 
 def expect_all_ended(wires: MemoryBus) -> None:
@@ -72,9 +76,7 @@ def test_all_stories_under_faults(faults: Faults, seed: int) -> None:
 @settings(max_examples=30, deadline=None)
 def test_iterated_contract_net_with_a_crowd(seed: int, loss: float, duplication: float) -> None:
     """One conversation-id, four state machines: who is best wins, who is late is rejected, whoever says it first."""
-    wires = MemoryBus(seed=seed, faults=Faults(loss=loss, duplication=duplication) if loss or duplication else None)
-    for name in ("caller", *fipa.CROWD):
-        wires.add(fipa.made(name), fipa.wiring(name))
+    wires = stage(Faults(loss=loss, duplication=duplication), seed, names=("caller", *fipa.CROWD))
     wires.run(lambda: bool(wires.memory("caller").outcomes))
     wires.run_for(10.0)
     outcomes, ends = wires.memory("caller").outcomes, {name: wires.memory(name).state for name in fipa.CROWD}
@@ -89,9 +91,7 @@ def test_iterated_contract_net_with_a_crowd(seed: int, loss: float, duplication:
 @pytest.mark.parametrize("steps", range(1, 12))
 def test_caller_that_dies_goes_on_with_its_crowd(steps: int) -> None:
     """The multicast is memory, the conversations are in the journal: a restored caller comes to the same award."""
-    wires = MemoryBus()
-    for name in ("caller", *fipa.CROWD):
-        wires.add(fipa.made(name), fipa.wiring(name))
+    wires = stage(names=("caller", *fipa.CROWD))
     wires.crash("caller", in_steps=steps, restart_s=0.05)
     wires.run(lambda: bool(wires.memory("caller").outcomes))
     state = wires.nodes["caller"].state
@@ -102,9 +102,7 @@ def test_caller_that_dies_goes_on_with_its_crowd(steps: int) -> None:
 
 def test_garbage_of_one_participant_ends_its_conversation_only() -> None:
     """not-understood and Broken concern one of the crowd, named as peer; the next best is awarded."""
-    wires = MemoryBus()
-    for name in ("caller", *fipa.CROWD):
-        wires.add(fipa.made(name), fipa.wiring(name))
+    wires = stage(names=("caller", *fipa.CROWD))
     wires.run(lambda: any(c.receiver == "eager" for c in wires.traffic))
     call = next(c for c in wires.traffic if c.receiver == "eager")
     wires.deliver(
@@ -166,9 +164,7 @@ NAMES = ("asker", "broker", *fipa.SCALES)
 
 def played(faults: Faults | None = None, seed: int = 0) -> MemoryBus:
     """Everybody on the wires until all was answered."""
-    wires = MemoryBus(seed=seed, faults=faults)
-    for name in NAMES:
-        wires.add(fipa.made(name), fipa.wiring(name))
+    wires = stage(faults, seed, names=NAMES)
     wires.run(lambda: len(wires.memory("asker").ends) == 2 and len(wires.memory("asker").answered) == len(fipa.SCALES))
     wires.faults = Faults()  # who has just died comes back
     wires.run_for(10.0)

@@ -14,6 +14,7 @@ from agent_runtime.core.agent import Agent, Arc, Behaviour
 from agent_runtime.core.events import Broken, Late, Local, Received, Started, Woken
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from fipa_codec.languages import REASON, Language, Languages
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
@@ -59,6 +60,14 @@ def wirings(delivery: Delivery = Delivery.DURABLE, protocol: str = "request") ->
     """The asker's and the server's side of one channel."""
     use = ("asker", "server", "T1", protocol, delivery)
     return wired("asker", [use]), wired("server", [use])
+
+
+def fleet(*agents: tuple[Agent[Any], Wiring], seed: int = 0, faults: Faults | None = None) -> MemoryBus:
+    """These agents in memory."""
+    wires = MemoryBus(seed=seed, faults=faults)
+    for agent, wiring in agents:
+        wires.add(agent, wiring)
+    return wires
 
 
 # --- the asker --------------------------------------------------------------------------------------------------------
@@ -156,6 +165,17 @@ def answer_due(memory: ServerMemory, turn: Turn) -> ServerMemory:
 def server() -> Agent[ServerMemory]:
     """One state that never ends."""
     return Agent(name="server", start="serving", memory=ServerMemory(), behaviours={"serving": Behaviour(serve)})
+
+
+def toys(*wanted: int, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
+    """Asker and server."""
+    return fleet(*zip((asker(*wanted), server()), wirings(), strict=True), seed=seed, faults=faults)
+
+
+def answers(wires: MemoryBus) -> tuple[tuple[int, int], ...]:
+    """The asker's answers so far."""
+    found: tuple[tuple[int, int], ...] = wires.memory("asker").answers
+    return found
 
 
 def nobody(*_: Any) -> bool:
