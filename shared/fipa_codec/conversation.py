@@ -276,12 +276,10 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
                     "in_reply_to", f"{self._here}: {reply_to!r} is not one of the unconfirmed: {expected}"
                 )
             return known[reply_to]
-        if reply_to and reply_to == self.cancel and (kind is _OF_CANCEL or not self._means_the_opening(performative)):
-            return _OF_CANCEL
-        if kind is _OF_CANCEL:
-            if reply_to == self.cancel:  # a cancel without a label, or none: the tables know
-                return _OF_CANCEL
+        if kind is _OF_CANCEL and reply_to != self.cancel:  # "": a cancel without a label, or none: the tables know
             raise LocalProtocolError("in_reply_to", f"{self._here}: is {reply_to!r}, the cancel is {self.cancel!r}")
+        if kind is _OF_CANCEL or (reply_to and reply_to == self.cancel and not self._means_the_opening(performative)):
+            return _OF_CANCEL
         return kind if performative is _INFORM else _PLAIN
 
     def _require_mine(self, communicate: Communicate) -> None:
