@@ -3,7 +3,7 @@
 In memory, in virtual time, with the true behaviours; search and robot are scripted (tests/fleet). The agent that dies
 comes back from its journal 0.5 s later. Compared with the run without a death: km's world, where things stand, hi's
 last word, no act commanded or begun twice. One row of results/kill_boundaries.jsonl for BLOCK messages; rows that stand
-there are not run again. `--table` writes docs/reliability.md; CI runs a sample (tests/fleet/test_boundaries.py).
+there are not run again. `--table` writes docs/reliability.md; CI runs a sample (tests/fleet/test_deaths.py).
 
     python benchmarks/kill_boundaries.py
 """

@@ -65,11 +65,16 @@ def raised() -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for _, tree in sources():
         for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
-            name = ast.unparse(call.func).split(".")[-1]
+            name = _called(call)
             words = " ".join(filter(lambda each: each.strip("…/ "), map(_words, call.args)))
             if words and words not in found.setdefault(name, []):
                 found[name].append(words)
     return found
+
+
+def _called(call: ast.Call) -> str:
+    """The name of a function or a class, without what stands before it."""
+    return call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
 
 
 def _bases(node: ast.ClassDef) -> set[str]:
@@ -79,7 +84,7 @@ def _bases(node: ast.ClassDef) -> set[str]:
 def _message(node: ast.ClassDef) -> str:
     """Return the argument of `super().__init__`, "" if that is left to the caller that raises it."""
     for call in ast.walk(node):
-        if isinstance(call, ast.Call) and ast.unparse(call.func) == "super().__init__" and call.args:
+        if isinstance(call, ast.Call) and call.args and _called(call) == "__init__" and "super()" in ast.unparse(call):
             return _words(call.args[-1])
     return ""
 
@@ -149,7 +154,12 @@ def rejected() -> dict[str, Declared]:
     found = {}
     for path, tree in sources():
         for call in ast.walk(tree):
-            if isinstance(call, ast.Call) and ast.unparse(call.func) == "reject" and len(call.args) > 3:
+            if (
+                isinstance(call, ast.Call)
+                and isinstance(call.func, ast.Name)
+                and call.func.id == "reject"
+                and len(call.args) > 3
+            ):
                 what = call.args[3]
                 words = what.value if isinstance(what, ast.Constant) else DROPS[ast.unparse(what)]
                 found[words] = Declared(words, path, _words(call.args[4]))
@@ -175,6 +185,7 @@ def codes() -> dict[str, Declared]:
     }
 
 
+@cache
 def every() -> dict[str, dict[str, Declared]]:
     """All kinds."""
     told = {"exceptions": exceptions(), "log": warnings(), "dropped": rejected(), "codes": codes()}

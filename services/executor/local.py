@@ -4,6 +4,8 @@ A message carries the number of its act: what a killed process had sent before i
 None is a communicate, none leaves the computer.
 """
 
+from pathlib import Path
+
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,8 @@ from companion.languages.facts import Facts
 from companion.skills.loop_messages import GripReport, Motion
 from services.executor.looks import Blind, Saw, See
 from services.executor.remembered import Remembered
+from velma.model import scene as scenes
+from velma.model.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -176,3 +180,12 @@ ToLoop = Where | Halt | Do | GoOn | Brake
 ToSkill = Perform | Feel | Glance | Saw | Blind
 FromSkill = Move | GoOn | Brake | Ended | ByRays | See
 Local = Stands | Passing | Moved | Lost | Move | GoOn | Brake | Ended | ByRays | Crashed
+
+
+# --- The scene of the simulated world --------------------------------------------------------------------------------
+
+
+def scene_of(setup: Setup) -> Scene:
+    """Return the scene of the loop: from its file or the canonical one, varied by the seed. Raises VelmaError."""
+    asked = scenes.load(Path(setup.scene)) if setup.scene else scenes.load()
+    return scenes.vary(asked, setup.seed)

@@ -16,8 +16,8 @@ from velma.eyes import health
 from velma.eyes.content import Content
 from velma.eyes.fit import View
 from velma.eyes.lens import lens
+from velma.eyes.pictures import jpeg, smaller
 from velma.eyes.seeing import Eyes, Seen, eyes_of
-from velma.eyes.shown import jpeg, smaller
 from velma.model.scene import Scene
 from velma.sim.photographs import Photographs
 from velma.sim.spoiled_senses import SpoiledPictures

@@ -21,11 +21,24 @@ from companion.skills.situation import Eye, Held, Neck, Sight, Situation, beginn
 from companion.skills.skill import Asked, Sensed
 from services.executor import simulation
 from services.executor.acting import duration
-from services.executor.local import Array, Brake, ByRays, Ended, Feel, Felt, Glance, GoOn, Move, Perform, Setup, ToSkill
+from services.executor.local import (
+    Array,
+    Brake,
+    ByRays,
+    Ended,
+    Feel,
+    Felt,
+    Glance,
+    GoOn,
+    Move,
+    Perform,
+    Setup,
+    ToSkill,
+    scene_of,
+)
 from services.executor.looks import Blind, Saw, See
 from services.executor.pixel_receptor import PixelReceptor
 from services.executor.remembered import Holding, Remembered
-from services.executor.world import scene_of
 from velma import names
 from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot

@@ -17,11 +17,10 @@ import numpy as np
 from agent_runtime.io.devices import Post
 from companion.skills.loop_messages import Phase
 from companion.telemetry import PICTURE_S, RATE_HZ, Lateness, Picture, RobotState
-from services.executor.local import Array, Setup
+from services.executor.local import Array, Setup, scene_of
 from services.executor.looks import Show
 from services.executor.loop.link import AgentLink, LoopState, Timing, Told
 from services.executor.renderer import Renderer
-from services.executor.world import scene_of
 from velma.errors import SlotError
 
 # --- Pictures of the head camera, and of the robot from the room, as telemetry ----------------------------------------

@@ -3,6 +3,7 @@
 A task is one conversation with co by protocol request; its id is the name of the task. Must not know: HTTP.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from msgspec.structs import replace
@@ -10,18 +11,20 @@ from msgspec.structs import replace
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Broken, Local, PeerChanged, Received, Started, Woken
 from agent_runtime.core.turn import Turn
+from companion import commands
 from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import cmd
-from companion.languages.cmd import TaskState
-from companion.languages.facts import Kind, fact
+from companion.languages.cmd import TaskReport, TaskState
+from companion.languages.facts import Fact, Kind, fact
 from companion.run_files import ANSWERED, QUESTION, REFUSED, RELEASED, STOPPED, HiEvent, InWords, Question, TaskLine
+from companion.sentences import Reader, failure, operator, person, place, state
+from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
-from services.human_interface import answers, local, offers, outgoing_messages
-from services.human_interface.catalogue import LANGUAGES, say
+from services.human_interface import local, offers
+from services.human_interface.catalogue import LANGUAGES, can, say
 from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
 from services.human_interface.memory import CONDITIONS, FINAL, Memory, News
-from services.human_interface.outgoing_messages import REACHABLE, UNREACHABLE
 from services.human_interface.wishes import Act, Ask, Tell, in_words, outcome, with_mentioned, without
 
 ANSWER_WITHIN_S = (
@@ -41,11 +44,11 @@ def listen(memory: Memory, turn: Turn) -> Memory:
             return replace(memory, words=(*memory.words, word))
         case Received() as received:
             turn.unwake(received.conversation)
-            news = outgoing_messages.news(memory, turn, received)
+            news = _news(memory, turn, received)
             return _after(_answered(memory), turn, *news).with_news(*news)
         case Broken(conversation=name, reason=why):
             turn.log("broken", conversation=name, reason=why)
-            return memory.with_news(outgoing_messages.failed(name, fact(Kind.BROKE_OFF, AgentName.CO)))
+            return memory.with_news(_failed(name, fact(Kind.BROKE_OFF, AgentName.CO)))
         case Woken(name=task) if turn.holds(task) and not memory.away:
             return _unanswered(memory, task)
         case Started():
@@ -161,7 +164,7 @@ def _said(memory: Memory, turn: Turn, word: Said) -> Memory:
             row = "asks" if any(line.asks for line in memory.open_tasks) and not word.held else "released"
             return _told(memory, turn, word, REFUSED, say(word.meaning.language, row))
         case Tell(does=does):
-            text = answers.ANSWERS[does](memory, word.meaning.language)
+            text = ANSWERS[does](memory, word.meaning.language)
             turn.tell(Answer(word.ticket, TaskLine("", ANSWERED, text, word.text, turn.now)))
             return memory
 
@@ -215,7 +218,7 @@ def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Command, ...])
 
 def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Command) -> tuple[Memory, str]:
     """Request a task. Return the memory and the name of the task."""
-    name = outgoing_messages.ask(turn, task)
+    name = turn.open(AgentName.CO, "request", P.REQUEST, task)  # the conversation is the name of the task
     turn.wake(name, turn.now + ANSWER_WITHIN_S)
     text = _i_will((task,), word, turn.now)
     wish = InWords(in_words((task,)), in_words((task,), "pl"))
@@ -341,3 +344,91 @@ def agent() -> Agent[Memory]:
     """Return the agent hi."""
     behaviours: dict[str, Any] = {"listen": listen, "interpret": interpret, "tell": tell}
     return bind(AgentName.HI, Memory(), behaviours, CONDITIONS, local=local.Local)
+
+
+# --- Answers to questions of people, from what hi knows --------------------------------------------------------------
+
+
+def _see(memory: Memory, language: str) -> str:
+    seen = memory.context.seen
+    if seen is None:
+        return say(language, "not_seen", in_words((commands.survey(),), language))
+    return say(language, "seen", person((fact(Kind.SEEN, *seen) if seen else fact(Kind.SEEN_NOTHING),), language))
+
+
+def _why(memory: Memory, language: str) -> str:
+    """The task that is open and how it is, else the last one that was not done and the reason."""
+    if memory.open_tasks:
+        line = memory.open_tasks[0]
+        why = say(language, "asks") if line.asks else person(line.why, language)
+        return say(language, "because", line.said, state(line.state, language), why).rstrip()
+    ended = [line for line in memory.tasks if line.state in (TaskState.FAILED, TaskState.CANCELLED)]
+    if not ended:
+        return say(language, "no_failure")
+    line = ended[-1]
+    why = failure(line.why, language) if line.state is TaskState.FAILED else person(line.why, language)
+    return say(language, "failed", line.said, why or state(line.state, language))
+
+
+def _help(memory: Memory, language: str) -> str:
+    return say(language, "understood", can(language))
+
+
+def _stopping(memory: Memory, language: str) -> str:
+    return say(language, "stopping")
+
+
+def _greet(memory: Memory, language: str) -> str:
+    return say(language, "greet", can(language))
+
+
+ANSWERS: dict[str, Callable[[Memory, str], str]] = {
+    "see": _see,
+    "why": _why,
+    "help": _help,
+    "stopping": _stopping,
+    "greet": _greet,
+}
+"""The rows of the catalogue that are answered from memory."""
+
+
+# --- Messages of hi to co, and the meaning of co's messages ----------------------------------------------------------
+
+UNREACHABLE = "robot-unreachable"
+REACHABLE = "robot-reachable"
+TOO_LATE = "cancel-too-late"
+ABOUT = {TaskState.PLANNING: AgentName.PL, TaskState.RUNNING: AgentName.TA}
+
+
+def _news(memory: Memory, turn: Turn, received: Received) -> tuple[News, ...]:
+    """Return what a message of co says of a task; nothing for one that is forgotten."""
+    name, said, performative = received.conversation, received.content, received.communicate.performative
+    line = memory.task(name)
+    if line is None:
+        return ()
+    if isinstance(said, Reason):
+        turn.log("reason of co", performative=performative, text=said.text)
+    report = said if isinstance(said, TaskReport) else TaskReport(TaskState.FAILED)
+    if line.state in FINAL:
+        return (News(AgentName.CO, TOO_LATE, _in_words(report) or f"it was {line.state} already", name),)
+    if report is said and performative in (P.AGREE, P.INFORM):
+        return (News(ABOUT.get(report.state, AgentName.CO), report.state, _in_words(report), name, report),)
+    unsaid = Kind.NOT_UNDERSTOOD if performative is P.NOT_UNDERSTOOD else Kind.NO_REASON
+    return (_ended(name, replace(report, state=TaskState.FAILED, why=report.why or (fact(unsaid, AgentName.CO),))),)
+
+
+def _failed(name: str, why: Fact) -> News:
+    return _ended(name, TaskReport(TaskState.FAILED, (why,)))
+
+
+def _ended(name: str, report: TaskReport) -> News:
+    return News(AgentName.CO, TaskState.FAILED, _in_words(report), name, report)
+
+
+def _in_words(report: TaskReport) -> str:
+    """A report in the operator's words."""
+    at = place(report.at, Reader.OPERATOR) if report.at is not None else ""
+    if report.asks and report.at is not None:
+        hand = f" with the {report.at.side} hand" if report.at.side else ""
+        return f"waits for you: next is '{at}{hand}' - `roco step` to go on"
+    return ": ".join(filter(None, (at, operator(report.why))))

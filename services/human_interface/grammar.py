@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from companion.letters import fold
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, WISHES, phrases
-from services.human_interface.meaning import Clause, Meaning, Thing, When
+from services.human_interface.local import Clause, Meaning, Thing, When
 
 # --- Times, as people say them: "first", "within ten minutes", "before noon", "in ten minutes" -----------------------
 # Such words are taken out of a sentence before the grammar reads the rest; words about time that are not understood

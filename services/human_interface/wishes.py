@@ -10,7 +10,7 @@ from companion.all_languages import AnyCommand
 from companion.commands import Offer
 from services.human_interface.catalogue import MAKE, TASKS, THINGS, can, say
 from services.human_interface.grammar import MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
-from services.human_interface.meaning import Clause, Meaning, Thing
+from services.human_interface.local import Clause, Meaning, Thing
 
 MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estimate)
 

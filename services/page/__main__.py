@@ -7,6 +7,7 @@ import secrets
 import signal
 import socket
 import sys
+import threading
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -18,14 +19,50 @@ from agent_runtime.io.logs import Log
 from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.process_heartbeat import ProcessHeartbeat
 from agent_runtime.io.run_files import listen_at, make_run, ready_file, write_secret
-from companion.loopback import HERE, Hi
+from companion.loopback import HERE, Hi, HiError
 from companion.loopback_server import RobotStop, Server, listener
 from companion.run_files import HI_FILE, PAGE_FILE, HiEvent, PageAddress, Tasks
 from services.page.app import Page
-from services.page.following import Following
 from services.page.guard import Guard
 from services.page.pairing import Pairs
 from services.page.robot import RobotEye, RobotWord
+
+WAIT_S = 10.0
+"""hi holds the answer so long, until there is something to tell; what only a file tells is seen by the page itself."""
+AGAIN_S = 0.5
+MOST_NEWS = 60
+
+
+class Following:
+    """Calls `told(tasks, news)` after each change, `told(None, ())` when hi has gone; from its own thread."""
+
+    def __init__(self, hi: Hi, told: Callable[[Tasks | None, tuple[HiEvent, ...]], None]) -> None:
+        self._hi, self._told = hi, told
+        self._over = threading.Event()
+        self._news: tuple[HiEvent, ...] = ()
+        self._thread = threading.Thread(target=self._serve, name="following", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End soon: a wait for hi is not cut short, and holds no process."""
+        self._over.set()
+
+    def _serve(self) -> None:
+        since, wait_s = 0, 0.0
+        while not self._over.is_set():
+            try:
+                events = self._hi.events(since, wait_s)
+                self._news = (*self._news, *events.events)[-MOST_NEWS:]
+                self._told(self._hi.told(), self._news)
+                since, wait_s = events.next, WAIT_S
+            except HiError:
+                self._told(None, self._news)
+                self._over.wait(AGAIN_S)
+                wait_s = 0.0  # to tell at once that it is back
+
 
 NAME = "page"
 LOOK_S = 0.2

@@ -7,6 +7,7 @@ Errors of sights by the same camera repeat: two of them are not worth more than 
 import math
 
 from companion.languages.values import Pose, Uncertainty, Vector
+from companion.quaternions import conjugate, product
 
 AGREE = 18.5
 """Squared deviation, by both covariances, that 99.9 % of true pairs have at most: chi-squared, 4 degrees of freedom."""
@@ -27,7 +28,13 @@ def fused(kept: Sight, seen: Sight) -> Sight:
     if sure is None or unsure is None:
         return seen
     about = _about_vertical(before, now)
-    if about is None or _deviation(before, sure, now, unsure, about) > AGREE:
+    if about is None:
+        return seen
+    turn, off = sure.turn + unsure.turn, _less(now.xyz, before.xyz)
+    if not (_positive(sure.xyz) and _positive(unsure.xyz) and turn > 0.0):
+        return seen  # there is nothing to weigh by
+    unlikely = _times(_inverse(_plus(sure.xyz, unsure.xyz)), off)
+    if off[0] * unlikely[0] + off[1] * unlikely[1] + off[2] * unlikely[2] + about**2 / turn > AGREE:
         return seen
     xyz, place = _intersected(before.xyz, sure.xyz, now.xyz, unsure.xyz)
     if sure.turn < unsure.turn:
@@ -35,23 +42,10 @@ def fused(kept: Sight, seen: Sight) -> Sight:
     return Pose(xyz, now.quat_wxyz), Uncertainty(place, unsure.turn)
 
 
-def _deviation(before: Pose, sure: Uncertainty, now: Pose, unsure: Uncertainty, about: float) -> float:
-    """The squared distance of two poses by their uncertainty; infinite where that is none."""
-    turn = sure.turn + unsure.turn
-    if not (_positive(sure.xyz) and _positive(unsure.xyz) and turn > 0.0):
-        return math.inf
-    off = _less(now.xyz, before.xyz)
-    unlikely = _times(_inverse(_plus(sure.xyz, unsure.xyz)), off)
-    return off[0] * unlikely[0] + off[1] * unlikely[1] + off[2] * unlikely[2] + about**2 / turn
-
-
 def _about_vertical(before: Pose, now: Pose) -> float | None:
     """The rotation about the vertical between two poses [rad]; None where it is about another axis, too."""
-    w, x, y, z = before.quat_wxyz
-    a, b, c, d = now.quat_wxyz
-    turned = a * w + b * x + c * y + d * z
-    tilt = math.hypot(-a * x + b * w - c * z + d * y, -a * y + b * z + c * w - d * x)
-    about = -a * z - b * y + c * x + d * w
+    turned, x, y, about = product(now.quat_wxyz, conjugate(before.quat_wxyz))
+    tilt = math.hypot(x, y)
     if 2.0 * math.asin(min(1.0, tilt)) > TILT:
         return None
     return math.remainder(2.0 * math.atan2(about, turned), math.tau)

@@ -140,7 +140,8 @@ def _forms(row: str) -> Iterator[str]:
 
 def _words(sentence: str) -> list[str]:
     """The words as rows have them; loose letters, and words with digits, as the word of a row that they look like."""
-    text = _LOOSE.sub(lambda letters: _joined(letters[0]), _plain(sentence))
+    shapes = _table().shapes  # loose letters are the word that they are, such as h e l p, if they are one
+    text = _LOOSE.sub(lambda at: shapes.get(_shape(at[0].replace(" ", "")), at[0]), _plain(sentence))
     return [_known(word) for word in _at_length(text).split()]
 
 
@@ -157,11 +158,6 @@ def _once(text: str) -> str:
 def _at_length(text: str) -> str:
     """The words with short forms at length."""
     return _LONG_FORM.sub(lambda short: _LONG[short[0]], text)
-
-
-def _joined(letters: str) -> str:
-    """Loose letters as the word that they are, such as h e l p; as they stand where they are none."""
-    return _table().shapes.get(_shape(letters.replace(" ", "")), letters)
 
 
 def _known(word: str) -> str:

@@ -134,6 +134,14 @@ class Scene:
         """The facts of the last report on a task."""
         return [content.why for _, content in self.heard("hi", task)][-1]
 
+    def ended(self, task, *last, why=None):
+        """Assert what hi was told last of a task, and why; that everybody rests, and the next command is served."""
+        assert self.said(task)[-len(last) :] == list(last)
+        assert why is None or self.last_why(task) == why
+        assert self.at_rest()
+        if self.puppets["ta"].answer == self.puppets["ta"].default:
+            assert self.serves()
+
     @property
     def state(self):
         """Co's state."""

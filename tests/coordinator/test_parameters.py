@@ -72,8 +72,7 @@ def test_a_task_that_costs_less_to_do_first_replaces_the_running_one(scene):
     assert scene.said(look)[-1] == "inform done"
     scene.plan()
     scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(pour)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.ended(pour, "inform done")
 
 
 def test_where_leaving_costs_too_much_the_running_task_goes_on_and_the_other_one_hears_why(scene):
@@ -126,8 +125,7 @@ def test_a_question_under_way_is_called_off_when_a_plan_is_wanted(scene):
     assert stages(scene) == [("LookAround", Stage.PLANNING)]
     scene.plan(5.0)
     scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(look)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.ended(look, "inform done")
 
 
 def test_parameters_that_cross_the_recall_are_not_taken(scene):
@@ -222,8 +220,7 @@ def test_a_task_that_begins_later_keeps_nobody_waiting(scene):
     assert scene.acts("pl").count(P.REQUEST) == 2
     scene.plan()
     scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(later)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.ended(later, "inform done")
 
 
 def test_a_more_urgent_task_interrupts_when_its_time_has_come(scene):

@@ -108,17 +108,14 @@ def test_a_plan_that_fails_fails_its_task_with_the_reason(scene, state):
     """hi gets ta's facts."""
     name = scene.running()
     scene.ta(state, why=(SLIPS,))
-    assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", (SLIPS,))
-    assert scene.at_rest()
-    assert scene.serves()
+    scene.ended(name, "failure failed", why=(SLIPS,))
 
 
 def test_a_refused_plan_fails_its_task():
     """ta refuses: hi failure."""
     scene = Scene(ta=refuse_plans)
     name = scene.running()
-    assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", (BUSY,))
-    assert scene.at_rest()
+    scene.ended(name, "failure failed", why=(BUSY,))
 
 
 def test_replan_asks_for_another_plan_of_the_same_task(scene):
@@ -131,8 +128,7 @@ def test_replan_asks_for_another_plan_of_the_same_task(scene):
     assert scene.last_why(name) == (fact(Kind.PLAN, 2, NOT_LOCALIZED),)
     scene.plan()
     scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(name)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.ended(name, "inform done")
 
 
 @pytest.mark.parametrize("named", ["", "jar_1"])
@@ -157,10 +153,7 @@ def test_replans_are_bounded():
         scene.ta(WorkerState.REPLAN, why=(NOT_LOCALIZED,))
         scene.plan()
     scene.ta(WorkerState.REPLAN, why=(NOT_LOCALIZED,))
-    assert scene.said(name)[-1] == "failure failed"
-    assert scene.last_why(name) == (fact(Kind.GIVEN_UP, 3, NOT_LOCALIZED),)
-    assert scene.at_rest()
-    assert scene.serves()
+    scene.ended(name, "failure failed", why=(fact(Kind.GIVEN_UP, 3, NOT_LOCALIZED),))
 
 
 @pytest.mark.parametrize(
@@ -210,9 +203,7 @@ def test_cancel_while_planning_cancels_the_planning(scene):
     assert scene.acts("pl") == [P.REQUEST, P.CANCEL]
     assert "inform cancelled" not in scene.said(name)
     scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
-    assert scene.said(name)[-1] == "inform cancelled"
-    assert scene.at_rest()
-    assert scene.serves()
+    scene.ended(name, "inform cancelled")
 
 
 @pytest.mark.parametrize("crossing", [(P.INFORM, a_plan()), (P.FAILURE, no_plan()), (P.REFUSE, no_plan())])
@@ -247,8 +238,7 @@ def test_cancel_that_comes_too_late_is_answered_behind_the_result(scene):
     name = scene.running()
     scene.cancel(name)
     scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(name)[-2:] == ["inform done", "failure reason"]
-    assert scene.at_rest()
+    scene.ended(name, "inform done", "failure reason")
 
 
 def test_cancel_that_meets_ta_s_refuse_ends_as_cancelled():
@@ -259,8 +249,7 @@ def test_cancel_that_meets_ta_s_refuse_ends_as_cancelled():
     scene.wires.post("pl", lambda turn: turn.say(pl, P.INFORM, a_plan()))
     scene.wires.post("hi", lambda turn: turn.say(name, P.CANCEL), 0.0005)
     scene.settle()
-    assert scene.said(name)[-1] == "inform cancelled"
-    assert scene.at_rest()
+    scene.ended(name, "inform cancelled")
 
 
 # --- T: reply-by passes -----------------------------------------------------------------------------------------------
@@ -346,8 +335,7 @@ def test_waiting_tasks_go_on_when_the_late_robot_is_back_in_time(scene):
     scene.plan()
     scene.ta(WorkerState.SUCCEEDED)
     scene.settle(100.0)
-    assert scene.said(waiting)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.ended(waiting, "inform done")
 
 
 # --- more than one task -----------------------------------------------------------------------------------------------
@@ -364,8 +352,7 @@ def test_two_tasks_are_done_one_after_the_other_in_order_of_arrival(scene):
     assert [content.tasks[0].name for _, content in scene.heard("pl")] == ["take", "put_down"]
     scene.plan()
     scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(second)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.ended(second, "inform done")
 
 
 def test_a_queue_that_is_full_refuses(scene):
@@ -481,8 +468,7 @@ def test_a_plan_that_is_put_off_is_asked_for_again(scene):
     ]
     scene.plan()
     scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(name)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.ended(name, "inform done")
 
 
 def test_a_plan_is_not_put_off_for_ever():
@@ -491,9 +477,7 @@ def test_a_plan_is_not_put_off_for_ever():
     name = scene.command()
     for _ in range(3):
         still_looking(scene)
-    assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", (fact(Kind.LOOK_NOT_OVER),))
-    assert scene.at_rest()
-    assert scene.serves()
+    scene.ended(name, "failure failed", why=(fact(Kind.LOOK_NOT_OVER),))
 
 
 def test_a_cancel_while_a_plan_is_put_off():
@@ -503,8 +487,7 @@ def test_a_cancel_while_a_plan_is_put_off():
     still_looking(scene)
     scene.cancel(name)
     scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
-    assert scene.said(name)[-1] == "inform cancelled"
-    assert scene.at_rest()
+    scene.ended(name, "inform cancelled")
 
 
 def test_a_plan_that_was_handed_over_is_not_kept(scene):

@@ -153,17 +153,10 @@ def test_the_table_counts_the_files_of_every_recipe(followed) -> None:
 @pytest.mark.process
 @pytest.mark.parametrize("letter", RECIPES)
 def test_a_recipe_does_what_it_says(followed, letter: str) -> None:
-    """Its commands end with 0 and print what stands below them."""
+    """Its commands end with 0 and print what stands below them; ruff finds nothing in what is pasted."""
     copy = followed(letter)
     for console in copy.console:
         copy.checked(console)
-
-
-@pytest.mark.process
-@pytest.mark.parametrize("letter", RECIPES)
-def test_what_is_pasted_is_as_the_tree_is(followed, letter: str) -> None:
-    """ruff finds nothing in it."""
-    copy = followed(letter)
     files = " ".join(name for name in (*copy.edited, *copy.added) if name.endswith(".py"))
     copy.run(f"ruff check {files} && ruff format --check {files}")
 

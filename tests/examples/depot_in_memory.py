@@ -1,5 +1,6 @@
 """All agents of the depot on pretend wires, watched at every step: who is in the aisle, what fits no row."""
 
+from collections.abc import Callable
 from typing import Any
 
 from depot.carrier.wheels import wheels
@@ -62,7 +63,18 @@ class Depot:
 
     def run(self, ended: int, limit_s: float = 600.0) -> None:
         """Until that many orders have ended."""
-        self.wires.run(lambda: self.wires.memory("desk").ended >= ended, limit_s=limit_s)
+        self.until(lambda: self.wires.memory("desk").ended >= ended, limit_s)
+
+    def until(self, condition: Callable[[], object], limit_s: float = 600.0) -> None:
+        """Until this holds; every step on the way is a row of the design, and one robot is in the aisle at most."""
+        self.wires.run(lambda: bool(condition()), limit_s=limit_s)
+        assert (self.outside, self.together) == ([], False)
+
+    @property
+    def orders(self) -> tuple[int, int]:
+        """Numbers of the orders that were delivered, and that failed."""
+        memory = self.wires.memory("dispatcher")
+        return memory.delivered, memory.failed
 
     def said(self, performative: str, sender: str = "") -> list[str]:
         """Conversations in which an act was said, each once."""
@@ -75,7 +87,7 @@ class Depot:
         return [content.robot for content in self.told(Assigned)]
 
     def told(self, kind: type) -> list[Any]:
-        """Return the contents of one class that the desk was informed of, each message once."""
+        """The contents of one class that the desk was informed of, each message once."""
         informs = {one.id: one for one in self.wires.traffic if one.performative == "inform" and one.receiver == "desk"}
         contents = [LANGUAGES.read(one)[0] for one in informs.values()]
         return [content for content in contents if isinstance(content, kind)]

@@ -18,7 +18,7 @@ from services.executor.looks import SHRINK
 from services.executor.telemetry import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
 from velma import names
 from velma.eyes.lens import HEIGHT, WIDTH
-from velma.eyes.shown import smaller
+from velma.eyes.pictures import smaller
 from velma.model.scene import load
 from velma.sim.head_camera import HeadCamera
 from velma.sim.mujoco_backend import MujocoBackend, compiled

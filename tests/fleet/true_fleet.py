@@ -14,12 +14,11 @@ from agent_runtime.io.devices import Post
 from companion.eyes import Eyes
 from companion.languages.facts import Facts
 from companion.skills.loop_messages import Phase
-from services.executor.device import RobotDevice
-from services.executor.local import Brake, Do, Felt, GoOn, Halt, Moved, Passing, Setup, Stands, Where
+from services.executor.__main__ import RobotDevice
+from services.executor.local import Brake, Do, Felt, GoOn, Halt, Moved, Passing, Setup, Stands, Where, scene_of
 from services.executor.loop.core import LoopCore
 from services.executor.renderer import Renderer
 from services.executor.skill_device import SkillDevice
-from services.executor.world import scene_of
 from services.planner.search_device import SearchDevice
 from velma.model.scene import CANONICAL, load, vary
 from velma.names import SIDES

@@ -3,7 +3,6 @@
 import itertools
 import re
 import sys
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -84,13 +83,8 @@ def _task(command):
     return " ".join((VERBS[type(command)], *about))
 
 
-@cache
 def rows(table):
-    """Return rows (wanted result, actual result, sentence) of a table."""
-    return list(_rows(table))
-
-
-def _rows(table):
+    """Yield rows (wanted result, actual result, sentence) of a table."""
     for line in (TABLES / table).read_text().splitlines():
         if not line.startswith("#"):
             want, before, sentence = line.split("\t")
@@ -110,20 +104,19 @@ def acts(found):
 
 
 @pytest.mark.timeout(240)
-@pytest.mark.parametrize(("table", "least"), [("tuned.tsv", 150), ("held_out.tsv", 75)])
-def test_no_sentence_of_a_table_becomes_another_act(table, least):
-    """Whether the language was made for it or not: 0 wrong acts."""
-    found = rows(table)
+@pytest.mark.parametrize(
+    ("table", "least", "part"), [("tuned.tsv", 150, UNDERSTOOD_OF_OURS), ("held_out.tsv", 75, UNDERSTOOD_OF_OTHERS)]
+)
+def test_sentences_of_a_table_end_as_a_person_would_want(table, least, part):
+    """Whether the language was made for them or not: done, asked back, or refused with what can be done.
+
+    None becomes another act. Which of the held-out ones end otherwise is not shown.
+    """
+    found = list(rows(table))
     assert len(found) >= least
     assert [row for row in found if row[0] != row[1] and acts(row[1])] == []
-
-
-@pytest.mark.timeout(240)
-@pytest.mark.parametrize(("table", "part"), [("tuned.tsv", UNDERSTOOD_OF_OURS), ("held_out.tsv", UNDERSTOOD_OF_OTHERS)])
-def test_sentences_of_a_table_end_as_a_person_would_want(table, part):
-    """Done, asked back, or refused with what can be done. Which of the held-out ones did not is not shown."""
-    found = [want == got for want, got, _ in rows(table)]
-    assert sum(found) >= part * len(found), f"{sum(found)} of {len(found)}"
+    right = [want == got for want, got, _ in found]
+    assert sum(right) >= part * len(right), f"{sum(right)} of {len(right)}"
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

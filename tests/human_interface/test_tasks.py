@@ -14,30 +14,37 @@ from services.human_interface.catalogue import CATALOGUE, LANGUAGES, MAKE, SAY, 
 from services.human_interface.grammar import understand
 from services.human_interface.wishes import Act, Ask, Context, in_words, outcome
 
-WISHES = [pytest.param(row, wish, id=wish.does) for row, wish in commands.wishes()]
+WISHES = tuple(commands.wishes())
+BOTH = [(row, wish, language) for row, wish in WISHES for language in LANGUAGES]
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize(("row", "wish"), WISHES)
-def test_the_example_of_a_wish_is_understood_as_the_command_of_its_task(row, wish, language):
-    """And stops nothing."""
-    meaning = understand(wish.example[language])
-    assert [clause.does for clause in meaning.clauses] == [wish.does]
-    found = outcome(meaning, Context())
-    assert isinstance(found, Act)
-    assert [type(task) for task in found.tasks] == [row.content]
-    assert stop_words(wish.example[language]) == ""
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize(("row", "wish"), WISHES)
-def test_what_hi_says_of_a_task_is_understood_as_the_same_task(row, wish, language):
-    """Of the command that the wish makes of as many things as it has; and it stops nothing."""
+def whole(wish):
+    """The command that a wish makes of as many things as it has."""
     fit = [[name for name, one in THINGS.items() if use in one.can] for use in wish.uses]
-    task = MAKE[wish.does](tuple(names[at] for at, names in enumerate(fit)), "")
-    said = in_words((task,), language)
-    assert outcome(understand(said), Context()) == Act((task,))
-    assert stop_words(said) == ""
+    return MAKE[wish.does](tuple(names[at] for at, names in enumerate(fit)), "")
+
+
+def test_the_example_of_a_wish_is_understood_as_the_command_of_its_task():
+    """And stops nothing."""
+    for row, wish, language in BOTH:
+        example = wish.example[language]
+        meaning = understand(example)
+        assert [clause.does for clause in meaning.clauses] == [wish.does], example
+        found = outcome(meaning, Context())
+        assert isinstance(found, Act), example
+        assert [type(task) for task in found.tasks] == [row.content], example
+        assert stop_words(example) == "", example
+
+
+def test_what_hi_says_of_a_task_is_understood_as_the_same_task():
+    """Whole, by names that are alike in command.py and phrases.toml; and it stops nothing."""
+    for row, wish, language in BOTH:
+        task = whole(wish)
+        where = f"phrases.toml of {row.content.__name__}: [say.{language}] has no row {task.says!r}"
+        assert task.says in SAY[language], where
+        said = in_words((task,), language)
+        assert outcome(understand(said), Context()) == Act((task,)), said
+        assert stop_words(said) == "", said
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -48,29 +55,34 @@ def test_a_button_is_understood_as_it_is_written(language):
     assert found == [Act((task,)) for task in alone]
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize(("row", "wish"), WISHES)
-def test_a_sentence_that_lacks_something_is_answered_with_the_example(row, wish, language):
+def test_a_sentence_that_lacks_something_is_answered_with_the_example():
     """For each wish with such patterns, in both languages."""
-    assert set(wish.lacking) in (set(), set(LANGUAGES))
-    for pattern in wish.lacking.get(language, ()):
-        words = pattern.replace("[out] [CONTENT] ", "").replace("[CONTENT] ", "").replace(" [HAND]", "")
-        first = words.partition("|")[0].strip("()")
-        thing = {"en": "jar", "pl": "słoik"}[language]
-        found = outcome(understand(f"{first} {thing}" if "THING" in words else first), Context())
-        assert isinstance(found, Ask)
-        assert wish.example[language] in found.text
+    for _, wish, language in BOTH:
+        assert set(wish.lacking) in (set(), set(LANGUAGES)), wish.does
+        for pattern in wish.lacking.get(language, ()):
+            words = pattern.replace("[out] [CONTENT] ", "").replace("[CONTENT] ", "").replace(" [HAND]", "")
+            first = words.partition("|")[0].strip("()")
+            thing = {"en": "jar", "pl": "słoik"}[language]
+            found = outcome(understand(f"{first} {thing}" if "THING" in words else first), Context())
+            assert isinstance(found, Ask), pattern
+            assert wish.example[language] in found.text, pattern
 
 
-@pytest.mark.parametrize(("row", "wish"), WISHES)
-def test_each_pattern_names_as_many_things_as_its_command_can_be_made_of(row, wish):
-    """Each of them with a use; and there is a task that pl is asked for."""
-    for pattern in (*wish.en, *wish.pl):
-        count = pattern.count("THING")
-        assert count <= len(wish.uses)
-        command = MAKE[wish.does](("jar", "bowl")[:count], "")
-        assert isinstance(command, row.content)
-        assert isinstance(command.task, hfsm.Task)
+def test_each_pattern_names_as_many_things_as_its_command_can_be_made_of():
+    """Each of them with a use; and there is a task that pl is asked for.
+
+    No pattern has accents: sentences lose theirs before they are compared, so that it would never fit.
+    """
+    for row, wish in WISHES:
+        for pattern in (*wish.en, *wish.pl):
+            count = pattern.count("THING")
+            assert count <= len(wish.uses), pattern
+            command = MAKE[wish.does](("jar", "bowl")[:count], "")
+            assert isinstance(command, row.content), pattern
+            assert isinstance(command.task, hfsm.Task), pattern
+        for pattern in (*wish.en, *wish.pl, *(one for patterns in wish.lacking.values() for one in patterns)):
+            plain = "".join(sign if sign.isascii() else fold(sign) for sign in pattern)
+            assert pattern == plain, f"phrases.toml of {row.content.__name__}: write {plain!r}, without accents"
 
 
 def test_names_of_wishes_are_of_one_task_each():
@@ -80,23 +92,6 @@ def test_names_of_wishes_are_of_one_task_each():
     assert all(row.make.keys() == {wish.does for wish in row.phrases.wish} for row in commands.rows())
     ranks = [row.phrases.rank for row in commands.rows()]
     assert len(set(ranks)) == len(ranks), f"two tasks have one rank in phrases.toml: {ranks}; take one that is free"
-
-
-@pytest.mark.parametrize(("row", "wish"), WISHES)
-def test_patterns_have_no_accents(row, wish):
-    """Sentences lose theirs before they are compared, so that a pattern with one would never fit."""
-    for pattern in (*wish.en, *wish.pl, *(one for patterns in wish.lacking.values() for one in patterns)):
-        plain = "".join(sign if sign.isascii() else fold(sign) for sign in pattern)
-        assert pattern == plain, f"phrases.toml of {row.content.__name__}: write {plain!r}, without accents"
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize(("row", "wish"), WISHES)
-def test_what_a_command_says_is_a_row_of_its_phrases(row, wish, language):
-    """The names in command.py and in phrases.toml are alike."""
-    fit = [[name for name, one in THINGS.items() if use in one.can] for use in wish.uses]
-    name = MAKE[wish.does](tuple(names[at] for at, names in enumerate(fit)), "").says
-    assert name in SAY[language], f"phrases.toml of {row.content.__name__}: [say.{language}] has no row {name!r}"
 
 
 def test_every_use_has_its_refusal():

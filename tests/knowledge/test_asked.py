@@ -8,7 +8,7 @@ import sys
 import msgspec
 import pytest
 
-from companion.asking import ANSWERER, PREFIXES, Answer, Question, Refused, Rows, Term, Triple
+from companion.asking import ANSWERER, PREFIXES, Answer, Question, Refused, Rows, Term, Triple, Verdict
 
 CROSS = "SELECT (COUNT(*) AS ?n) WHERE { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l }"
 UPDATES = (
@@ -35,121 +35,102 @@ SERVICES = (
 )
 
 
+NO_SPARQL = ("\\u0043REATE GRAPH <urn:g>", "ASK { \\u0053ERVICE ?x {} }", "hello", "SELECT *", "service")
+"""Escaped characters make no keywords."""
+HARMLESS = (
+    "SELECT * { ?insert ?b 'DELETE SERVICE' }",
+    'ask { ?a ?b """a "service" of \\"x""" , \'x\' }',
+    "PREFIX load: <urn:SERVICE> SELECT ?drop { ?drop a load:x } # SERVICE\n",
+    "SELECT * { ?a rdfs:label 'insert'@en }",
+    "SELECT?x { }",
+    "SELECT ?service { ?service roco:serviceable ?Service } GROUP BY ?service",
+    "PREFIX service: <urn:service> ASK { service:x ?b _:service }",
+)
+REFUSED = {
+    **dict.fromkeys(UPDATES, "only reads"),
+    **dict.fromkeys(SERVICES, "network"),
+    **dict.fromkeys(("CONSTRUCT WHERE { ?a ?b ?c }", "DESCRIBE thing:jar_1"), "SELECT or ASK"),
+    **dict.fromkeys(NO_SPARQL, "this is not SPARQL"),
+    "SELECT * {\n ?a ?b }": "2:9",
+}
+"""Question -> the reason why it is refused; of what is no SPARQL, with line and column of the first fault."""
+BATCH = """
+import sys, msgspec
+from companion.asking import Question
+from services.knowledge.asked import answer
+asked = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=list[Question])
+sys.stdout.buffer.write(msgspec.msgpack.encode([answer(one) for one in asked]))
+"""
+
+
 def question(text: str, seconds: float = 5.0, rows: int = 1000) -> Question:
     """About the ontology alone: km was told nothing."""
     return Question(text, (), 0.0, seconds, rows)
 
 
-def ended(asked_: Question, limit: float = 50.0) -> subprocess.CompletedProcess[bytes]:
-    """Return the result of the question's own process."""
-    data = msgspec.msgpack.encode(asked_)
-    return subprocess.run([sys.executable, "-m", ANSWERER], input=data, capture_output=True, timeout=limit, check=False)
+def run(*words: str, data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+    """A process as for a question."""
+    return subprocess.run([sys.executable, *words], input=data, capture_output=True, timeout=50, check=False)
 
 
-def told(asked_: Question) -> Answer:
-    """Its answer."""
-    done = ended(asked_)
+def told(*questions: Question) -> list[Answer]:
+    """Their answers, all of one process: it lasts half a second until it can answer."""
+    done = run("-c", BATCH, data=msgspec.msgpack.encode(questions))
     assert done.returncode == 0, done.stderr.decode()
-    answer: Answer = msgspec.msgpack.decode(done.stdout, type=Answer)
-    return answer
+    return msgspec.msgpack.decode(done.stdout, type=list[Answer])
 
 
-def refused(text: str) -> str:
-    """Why it is refused."""
-    answer = told(question(text))
-    assert isinstance(answer, Refused)
-    return answer.why
+def rows_of(*questions: Question) -> list[Rows]:
+    """The rows of each."""
+    answers = told(*questions)
+    assert all(isinstance(one, Rows) for one in answers), answers
+    return [one for one in answers if isinstance(one, Rows)]
 
 
-@pytest.mark.parametrize("text", UPDATES)
-def test_updates_are_refused(text: str) -> None:
-    """Whatever words are before what changes something."""
-    assert "only reads" in refused(text)
+def test_what_would_change_or_leave_the_store_is_refused() -> None:
+    """However it is written, whatever words stand before it, and whether or not it is reached or may fail."""
+    answers = dict(zip(REFUSED, told(*map(question, REFUSED)), strict=True))
+    assert {one for one, why in REFUSED.items() if why not in getattr(answers[one], "why", "")} == set()
 
 
-@pytest.mark.parametrize("text", SERVICES)
-def test_other_stores_are_not_asked(text: str) -> None:
-    """However the word is written, and whether or not it is reached or may fail."""
-    assert "network" in refused(text)
-
-
-@pytest.mark.parametrize("text", ["CONSTRUCT WHERE { ?a ?b ?c }", "DESCRIBE thing:jar_1"])
-def test_graphs_are_refused(text: str) -> None:
-    """Rows are what can be bounded and printed."""
-    assert "SELECT or ASK" in refused(text)
-
-
-@pytest.mark.parametrize(
-    "text", ["\\u0043REATE GRAPH <urn:g>", "ASK { \\u0053ERVICE ?x {} }", "hello", "SELECT *", "service"]
-)
-def test_what_is_no_sparql_is_refused(text: str) -> None:
-    """Escaped characters make no words."""
-    assert "this is not SPARQL" in refused(text)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "SELECT * { ?insert ?b 'DELETE SERVICE' }",
-        'ask { ?a ?b """a "service" of \\"x""" , \'x\' }',
-        "PREFIX load: <urn:SERVICE> SELECT ?drop { ?drop a load:x } # SERVICE\n",
-        "SELECT * { ?a rdfs:label 'insert'@en }",
-        "SELECT?x { }",
-        "SELECT ?service { ?service roco:serviceable ?Service } GROUP BY ?service",
-        "PREFIX service: <urn:service> ASK { service:x ?b _:service }",
-    ],
-)
-def test_words_in_names_strings_and_comments_are_no_orders(text: str) -> None:
+def test_words_in_names_strings_and_comments_are_no_orders() -> None:
     """They are evaluated."""
-    assert not isinstance(told(question(text)), Refused)
+    answers = zip(HARMLESS, told(*map(question, HARMLESS)), strict=True)
+    assert [text for text, answer in answers if isinstance(answer, Refused)] == []
 
 
-@pytest.mark.parametrize(
-    ("text", "value"), [(r"'\u0041'", "A"), (r"'\\u0041'", r"\u0041"), (r"'\u005Cu0041'", r"\u0041")]
-)
-def test_a_character_is_unescaped_once(text: str, value: str) -> None:
-    """A backslash that is escaped itself, either way, begins no escape."""
-    answer = told(question(f"SELECT ({text} AS ?x) {{}}"))
-    assert isinstance(answer, Rows)
-    assert answer.rows == ((Term("literal", value),),)
+def test_values_are_those_of_the_query() -> None:
+    """A character is unescaped once: a backslash that is escaped itself, either way, begins no escape.
 
-
-def test_a_triple_term_is_a_value() -> None:
-    """With its parts, one of which may be a triple term again, and the direction of a text."""
-    inner = "<<( roco:a roco:b 'x'@en--ltr )>>"
-    answer = told(question(f"SELECT (<<( roco:a roco:b {inner} )>> AS ?x) {{}}"))
+    A triple term is a value with its parts, one of which may be a triple term again, and the direction of a text.
+    """
+    texts = {r"'\u0041'": "A", r"'\\u0041'": r"\u0041", r"'\u005Cu0041'": r"\u0041"}
+    values: dict[str, Term] = {text: Term("literal", value) for text, value in texts.items()}
     a, b = (Term("uri", f"{PREFIXES['roco']}{name}") for name in "ab")
     within = Term("triple", Triple(a, b, Term("literal", "x", lang="en", direction="ltr")))
-    assert isinstance(answer, Rows)
-    assert answer.rows == ((Term("triple", Triple(a, b, within)),),)
+    values["<<( roco:a roco:b <<( roco:a roco:b 'x'@en--ltr )>> )>>"] = Term("triple", Triple(a, b, within))
+    answers = rows_of(*(question(f"SELECT ({text} AS ?x) {{}}") for text in values))
+    assert [one.rows for one in answers] == [((value,),) for value in values.values()]
 
 
-def test_what_is_no_sparql_is_said_with_its_place() -> None:
-    """Line and column of the first fault."""
-    answer = told(question("SELECT * {\n ?a ?b }"))
-    assert isinstance(answer, Refused)
-    assert "2:9" in answer.why
+def test_rows_are_bounded_while_they_come() -> None:
+    """The first rows of a cross join that never would end. Whether there are more is said, not of the last one."""
+    every = "SELECT ?a ?d ?g ?j WHERE { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l }"
+    few = [question("SELECT ?x { VALUES ?x { 1 2 3 } }", rows=most) for most in (2, 3, 4)]
+    answers = rows_of(question(every, seconds=30.0, rows=7), *few)
+    assert [(len(one.rows), one.cut) for one in answers] == [(7, True), (2, True), (3, False), (3, False)]
+
+
+def test_a_question_is_answered_by_its_own_process() -> None:
+    """As `roco ask` asks it."""
+    done = run("-m", ANSWERER, data=msgspec.msgpack.encode(question("ASK { }")))
+    assert msgspec.msgpack.decode(done.stdout, type=Answer) == Verdict(True)
 
 
 def test_a_query_that_takes_too_long_is_ended_by_the_system() -> None:
     """A cross join of some 10^11 rows, bound to 0.3 s: the process is gone, by its alarm."""
-    assert ended(question(CROSS, seconds=0.3)).returncode == -signal.SIGALRM
-
-
-def test_rows_are_bounded_while_they_come() -> None:
-    """The first rows of a cross join that never would end; and whether there are more."""
-    every = "SELECT ?a ?d ?g ?j WHERE { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l }"
-    answer = told(question(every, seconds=30.0, rows=7))
-    assert isinstance(answer, Rows)
-    assert (len(answer.rows), answer.cut) == (7, True)
-
-
-@pytest.mark.parametrize(("rows", "cut"), [(2, True), (3, False), (4, False)])
-def test_cut_is_said_where_there_are_more(rows: int, cut: bool) -> None:
-    """Not where the last row is just the last one allowed."""
-    answer = told(question("SELECT ?x { VALUES ?x { 1 2 3 } }", rows=rows))
-    assert isinstance(answer, Rows)
-    assert (len(answer.rows), answer.cut) == (min(rows, 3), cut)
+    done = run("-m", ANSWERER, data=msgspec.msgpack.encode(question(CROSS, seconds=0.3)))
+    assert done.returncode == -signal.SIGALRM
 
 
 def test_no_socket_is_opened_even_by_a_query_that_was_let_through() -> None:
@@ -161,7 +142,6 @@ def test_no_socket_is_opened_even_by_a_query_that_was_let_through() -> None:
             "import pyoxigraph as ox\nfrom services.knowledge.asked import bound\n"
             f"bound(20.0)\nlist(ox.Store().query('SELECT * {{ SERVICE <{place}> {{ ?a ?b ?c }} }}'))"
         )
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=40, check=False)
-        assert done.returncode != 0
+        assert run("-c", code).returncode != 0
         with pytest.raises(TimeoutError):
             server.accept()

@@ -203,17 +203,18 @@ def test_a_cancel_is_answered_in_the_language_of_the_page(house, opened):
     expect(one.locator("#answer")).to_have_text(re.compile(r"^Anul(uję|owane): rozejrzyj się\.$"))
 
 
-@pytest.mark.parametrize("wreck", ["no address", "nobody listens", "half an address"])
-def test_a_hi_that_is_away_is_said_in_the_language_of_the_page(house, opened, wreck):
-    """Without the names of files and numbers of errors."""
+def test_a_hi_that_is_away_is_said_in_the_language_of_the_page(house, opened):
+    """Without the names of files and numbers of errors: where it has no address, half of one, or nobody is there."""
     one = opened(locale="pl-PL")
     house.desk.close()
-    if wreck == "nobody listens":
-        (house.run / "hi.json").write_text('{"port": 1, "token": "t"}')
-    elif wreck == "half an address":
-        (house.run / "hi.json").write_text("{")
-    say(one, "weź słoik")
-    expect(one.locator("#answer")).to_have_text("Nie udało się: To nie dotarło do Velmy. Proszę spróbować ponownie.")
+    for address in ("", '{"port": 1, "token": "t"}', "{"):
+        if address:
+            (house.run / "hi.json").write_text(address)
+        with one.expect_response("**/say") as answer:
+            say(one, "weź słoik")
+        assert answer.value.status == 503
+        said = "Nie udało się: To nie dotarło do Velmy. Proszę spróbować ponownie."
+        expect(one.locator("#answer")).to_have_text(said)
     house.open()
 
 
@@ -232,22 +233,17 @@ def test_do_this_first_takes_those_behind_it_along(house, opened):
     assert house.cancelled == ["hi-1-2", "hi-1-3"]
 
 
-@pytest.mark.parametrize("how", ["click", "key", "words", "without scripts"])
-def test_stop_and_release(house, opened, how):
+def test_stop_and_release(house, opened):
     """The robot's flag is set by the button, the Escape key and a stop word, and by the button without scripts."""
-    scripts = how != "without scripts"
     one = opened()
-    if not scripts:
-        state = one.context.storage_state()
-        one = opened(paired=False, at="/", java_script_enabled=False, storage_state=state)
-    if how == "words":
-        say(one, "hang on a second")
-    elif how == "key":
-        one.keyboard.press("Escape")
-    else:
-        one.locator("#stop").click()
-    wait_for(lambda: house.held, "the robot is stopped")
-    if scripts:
+    ways = {
+        "click": lambda: one.locator("#stop").click(),
+        "key": lambda: one.keyboard.press("Escape"),
+        "words": lambda: say(one, "hang on a second"),
+    }
+    for how, stop in ways.items():
+        stop()
+        wait_for(lambda: house.held, f"the robot is stopped by {how}")
         expect(one.locator("#now")).to_contain_text("Velma is stopped.")
         say(one, "take the jar")
         expect(one.locator("#answer")).to_contain_text("stopped")
@@ -256,6 +252,10 @@ def test_stop_and_release(house, opened, how):
         wait_for(lambda: not house.held, "it is released")
         expect(one.locator("#release")).to_be_hidden()
         expect(one.locator("#now")).to_have_text("Velma has nothing to do.")
+    state = one.context.storage_state()
+    bare = opened(paired=False, at="/", java_script_enabled=False, storage_state=state)
+    bare.locator("#stop").click()
+    wait_for(lambda: house.held, "the robot is stopped without scripts")
 
 
 def test_a_call_for_help_stops_and_is_told_what_can_be_said(house, opened):

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import itertools
 import signal
 import socket
 import threading
@@ -75,8 +76,11 @@ def test_half_open_requests_keep_nobody_out(page, house):
         one.close()
 
 
-def test_a_head_that_trickles_is_ended(page):
-    """A byte now and then is not a request."""
+def test_a_head_that_trickles_is_ended_and_one_without_an_end_refused(page):
+    """A byte now and then is not a request. Beyond 8 kB it is answered, and the connection ends."""
+    with connected(page) as one:
+        one.sendall(b"GET / HTTP/1.1\r\nHost: " + 20_000 * b"a")
+        assert one.recv(12) == b"HTTP/1.1 400"
     one = connected(page)
     ended = False
     end = time.monotonic() + WITHIN_S
@@ -91,34 +95,25 @@ def test_a_head_that_trickles_is_ended(page):
     one.close()
 
 
-def test_a_head_without_an_end_is_refused(page):
-    """Beyond 8 kB it is answered, and the connection ends."""
-    with connected(page) as one:
-        one.sendall(b"GET / HTTP/1.1\r\nHost: " + 20_000 * b"a")
-        assert one.recv(12) == b"HTTP/1.1 400"
-
-
 def head_of(page, bytes_):
     """A request for the door whose head has so many bytes, the blank line included."""
     begin = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nX-Long: ".encode()
     return begin + b"a" * (bytes_ - len(begin) - 4) + b"\r\n\r\n"
 
 
-@pytest.mark.parametrize(("more", "status"), [(0, b"200"), (1, b"400"), (1000, b"400"), (60_000, b"400")])
-@pytest.mark.parametrize("pieces", [1, 2])
-def test_a_head_has_eight_kilobytes_at_most(page, more, status, pieces):
-    """To the byte, and however it comes: in one piece, or its last byte apart."""
-    head = head_of(page, HEAD_BYTES + more)
-    with connected(page) as one:
-        one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        for piece in [head] if pieces == 1 else [head[:-1], head[-1:]]:
-            with contextlib.suppress(ConnectionError):  # it was refused before its end
-                one.sendall(piece)
-        assert one.recv(12) == b"HTTP/1.1 " + status
-
-
-def test_a_head_behind_another_request_is_bounded(page):
-    """A connection that is kept, or a request that was sent before the answer, makes no difference."""
+def test_a_head_has_eight_kilobytes_at_most(page):
+    """To the byte, and however it comes: in one piece, or its last byte apart; also behind another request, on a
+    connection that is kept.
+    """
+    for more, status in ((0, b"200"), (1, b"400"), (1000, b"400"), (60_000, b"400")):
+        head = head_of(page, HEAD_BYTES + more)
+        for pieces in ([head], [head[:-1], head[-1:]]):
+            with connected(page) as one:
+                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                for piece in pieces:
+                    with contextlib.suppress(ConnectionError):  # it was refused before its end
+                        one.sendall(piece)
+                assert one.recv(12) == b"HTTP/1.1 " + status, (more, len(pieces))
     with connected(page) as one:
         one.sendall(head_of(page, 200) + head_of(page, HEAD_BYTES + 1))
         answers = b""
@@ -145,10 +140,10 @@ def test_a_body_is_no_head(page):
         assert b"HTTP/1.1 200" in answers
 
 
-@pytest.mark.parametrize("path", ["/", "/events"])
-def test_a_web_socket_is_refused(page, path):
+def test_a_web_socket_is_refused(page):
     """With a sentence, paired or not: there is none."""
-    for cookie in ("", f"Cookie: {page.paired()}\r\n"):
+    paired = f"Cookie: {page.paired()}\r\n"
+    for path, cookie in itertools.product(("/", "/events"), ("", paired)):
         with connected(page) as one:
             asked = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\n{cookie}Connection: Upgrade\r\n"
             key = "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"

@@ -1,5 +1,7 @@
 """Everybody reaches everything: by keyboard, on a small screen, enlarged, in the dark, with a screen reader's rules."""
 
+import itertools
+
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from page_house import place as in_plan
@@ -31,25 +33,26 @@ def busy(house, one):
     expect(one.locator("#ended li")).to_have_count(2)
 
 
-@pytest.mark.parametrize("size", [SMALL, ENLARGED], ids=["360 px", "200 %"])
 @pytest.mark.parametrize("locale", ["en-GB", "pl-PL"])
-def test_small_and_enlarged(house, opened, size, locale):
+def test_small_and_enlarged(house, opened, locale):
     """Nothing is wider than the screen, at the door or inside; STOP is in sight wherever one scrolls to, and large."""
-    one = opened(viewport=size, locale=locale)
+    one, door = opened(locale=locale), opened(paired=False, locale=locale)
     busy(house, one)
     one.keyboard.press("Escape")
     expect(one.locator("#release")).to_be_visible()
-    for place in (0, 10_000, 400):
-        one.evaluate(f"scrollTo(0, {place})")
-        for name in ("#stop", "#release"):
-            expect(one.locator(name)).to_be_in_viewport(ratio=1.0)
-            box = one.locator(name).bounding_box()
-            assert box["width"] >= 100
-            assert box["height"] >= 44
-    assert one.evaluate("document.documentElement.scrollWidth") <= size["width"]
-    assert one.evaluate("document.querySelector('#stopbar').offsetHeight / innerHeight") < 0.3
-    door = opened(paired=False, viewport=size, locale=locale)
-    assert door.evaluate("document.documentElement.scrollWidth") <= size["width"]
+    for size in (SMALL, ENLARGED):
+        one.set_viewport_size(size)
+        door.set_viewport_size(size)
+        for place in (0, 10_000, 400):
+            one.evaluate(f"scrollTo(0, {place})")
+            for name in ("#stop", "#release"):
+                expect(one.locator(name)).to_be_in_viewport(ratio=1.0)
+                box = one.locator(name).bounding_box()
+                assert box["width"] >= 100
+                assert box["height"] >= 44
+        for each in (one, door):
+            assert each.evaluate("document.documentElement.scrollWidth") <= size["width"]
+        assert one.evaluate("document.querySelector('#stopbar').offsetHeight / innerHeight") < 0.3
 
 
 def test_all_of_it_by_keyboard(house, opened):
@@ -94,19 +97,23 @@ def test_who_is_on_a_button_stays_on_it(house, opened):
     expect(one.get_by_role("button", name="Cancel: put down the jar")).to_be_focused()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("contrast", ["no-preference", "more"])
-def test_no_serious_finding_of_axe(house, opened, scheme, contrast):
-    """Names, roles, order, contrast: with all parts shown, stopped, lost, and at the door."""
-    one = opened(color_scheme=scheme, contrast=contrast)
+def test_no_serious_finding_of_axe(house, opened):
+    """Names, roles, order, contrast: with all parts shown, stopped, lost, and at the door, in all colours."""
+    one, door, found = opened(), opened(paired=False), {}
+
+    def look(place, on):
+        for scheme, contrast in itertools.product(("light", "dark"), ("no-preference", "more")):
+            on.emulate_media(color_scheme=scheme, contrast=contrast)
+            found[place, scheme, contrast] = serious(on)
+
     busy(house, one)
-    found = {"busy": serious(one)}
+    look("busy", one)
     one.keyboard.press("Escape")
     expect(one.locator("#release")).to_be_visible()
-    found["stopped"] = serious(one)
+    look("stopped", one)
     one.evaluate("lost(true)")
-    found["lost"] = serious(one)
-    found["door"] = serious(opened(paired=False, color_scheme=scheme, contrast=contrast))
+    look("lost", one)
+    look("door", door)
     assert not any(found.values()), found
 
 

@@ -1,12 +1,11 @@
 """A cancelled plan is made safe: ta goes on where one thing goes wrong, tries twice, and says what is still held."""
 
-from scripted_partner import Open, Say
-from ta_alone import BODY, CANCELLED, HOME, Scene
+from scripted_partner import Say
+from ta_alone import BODY, HOME, Scene
 
-from companion.languages import hfsm, rc, sw, wm
+from companion.languages import hfsm, rc, sw
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Pose, Side
-from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
 
 JAR = ("jar_1", "side", Pose((0.0, 0.0, 0.0)))
@@ -26,61 +25,39 @@ ROOT = hfsm.Machine("test", "home", (hfsm.ActState("home", HOME),), safe=SAFE)
 PLAN = hfsm.HierarchicalPlan("plan", "test", ROOT, 1.0, 0)
 
 
-def cancelled_while_holding_both() -> Scene:
-    """ta with a plan cancelled in its act; both hands are full, and the bowl is asked to be put down."""
-    scene = Scene()
-    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
-    scene.hears("ex", 1)  # the look around
-    scene.ex(P.INFORM, rc.Done(scene.heard["ex"][0][2].key, BODY))
-    scene.wires.run(lambda: scene.wires.nodes["ta"].state.state == "idle")
+def cancelled_while_holding_both(*ends: tuple[dict[Side, tuple[str, str, Pose]], Facts]) -> tuple[list[str], sw.Report]:
+    """ta with a plan cancelled in its act; both hands are full. The put-downs end with this in the hands, or fail.
+
+    The keys of the put-downs asked of ex, and the final report.
+    """
+    scene = Scene(observed=True)
+    scene.ends(rc.Done(scene.hears("ex", 1).key, BODY))  # the look around
+    scene.wires.run(lambda: scene.state == "idle")
     scene.start(PLAN)
     scene.hears("ex", 2)
     scene.ex(P.AGREE, rc.Accepted("plan/2", 4.0), number=1)
     scene.wires.post("co", Say(0, P.CANCEL))
     scene.wires.run(lambda: scene.heard["ex"][-1][1] == "cancel")
-    stopped = rc.NotDone("plan/2", "cancelled", CANCELLED, BODY, held=BOTH)
-    scene.wires.post("ex", Say(1, P.INFORM, stopped, languages.Kind.CANCEL))
-    return scene
-
-
-def acts(scene: Scene) -> list[str]:
-    """Keys of the put-downs asked of ex."""
-    return [content.key for _, _, content in scene.heard["ex"] if isinstance(content, rc.Release)]
-
-
-def final(scene: Scene) -> sw.Report:
-    """The last word to co."""
+    scene.cancelled("plan/2", 1, body=BODY, held=BOTH)
+    keys: list[str] = []
+    for number, (kept, failed) in enumerate(ends, start=2):
+        keys.append(scene.hears("ex", number + 2).key)
+        outcome = rc.NotDone(keys[-1], "failed", failed, BODY, held=kept) if failed else None
+        scene.ex(P.REFUSE if failed else P.INFORM, outcome or rc.Done(keys[-1], BODY, held=kept), number)
     scene.wires.run(lambda: scene.states()[-1] in ("Preempted", "Failed"), limit_s=100.0)
-    return scene.heard["co"][-1][2]
-
-
-def answer(scene: Scene, number: int, kept: dict[Side, tuple[str, str, Pose]], failed: Facts = ()) -> None:
-    """The nth put-down ends with this in the hands."""
-    scene.wires.run(lambda: len(acts(scene)) == number)
-    key = acts(scene)[-1]
-    if failed:
-        scene.ex(P.REFUSE, rc.NotDone(key, "failed", failed, BODY, held=kept), number=number + 1)
-    else:
-        scene.ex(P.INFORM, rc.Done(key, BODY, held=kept), number=number + 1)
+    return keys, scene.heard["co"][-1][2]
 
 
 def test_one_that_fails_keeps_the_other_not_up() -> None:
     """The bowl finds no place, the jar is put down, the bowl is tried again under a key of its own: Preempted."""
-    scene = cancelled_while_holding_both()
-    answer(scene, 1, BOTH, failed=NO_PLACE)
-    answer(scene, 2, {Side.RIGHT: BOWL})
-    answer(scene, 3, {})
-    answer(scene, 4, {})
-    assert acts(scene) == ["plan.1", "plan.2", "plan.1.2", "plan.2.2"]
-    assert final(scene).state is sw.WorkerState.PREEMPTED
+    right = {Side.RIGHT: BOWL}
+    keys, report = cancelled_while_holding_both((BOTH, NO_PLACE), (right, ()), ({}, ()), ({}, ()))
+    assert keys == ["plan.1", "plan.2", "plan.1.2", "plan.2.2"]
+    assert report.state is sw.WorkerState.PREEMPTED
 
 
 def test_what_cannot_be_put_down_is_told() -> None:
     """After the second try the plan has failed, and the person hears what is held and why."""
-    scene = cancelled_while_holding_both()
-    for number in (1, 3):
-        answer(scene, number, BOTH, failed=NO_PLACE)
-        answer(scene, number + 1, {Side.RIGHT: BOWL})
-    report = final(scene)
+    _, report = cancelled_while_holding_both(*(((BOTH, NO_PLACE), ({Side.RIGHT: BOWL}, ())) * 2))
     assert report.state is sw.WorkerState.FAILED
     assert report.why == (fact(Kind.STILL_HELD, "bowl_1", *NO_PLACE),)

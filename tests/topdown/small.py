@@ -7,7 +7,7 @@ from topdown.model import loading
 from topdown.model.design import Design
 from topdown.model.machines import Machine, machines
 from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG, Exploration, explore
-from topdown.prove.fleet import Faults, Fleet
+from topdown.prove.fleet import Faults, Flat, Fleet
 
 HEAD = """
 [system]
@@ -141,15 +141,19 @@ def wrong(made: Design, most: int = 0, **wish: object) -> str:
 def labels(made: Design, most: int = 0, **wish: object) -> set[str]:
     """Everything that can happen, in words."""
     model = fleet(made, most, **wish)
-    seen, waiting = {model.start}, deque([model.start])
-    said: set[str] = set()
+    return {f"{who}: {what}" for state in reached(model) for who, what, *_ in model.moves(state)}
+
+
+def reached(model: Fleet) -> list[Flat]:
+    """Every state that can be reached, but for those that are wrong and what is beyond them."""
+    seen = dict.fromkeys([model.start])
+    waiting = deque(seen)
     while waiting:
-        for who, what, there, _, _ in model.moves(waiting.popleft()):
-            said.add(f"{who}: {what}")
+        for _, _, there, _, _ in model.moves(waiting.popleft()):
             if there not in seen and not model.wrong(there):
-                seen.add(there)
+                seen[there] = None
                 waiting.append(there)
-    return said
+    return list(seen)
 
 
 ASKER = (

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import msgspec
-import pytest
 from spoiling import Change, design, text_of
 
 from topdown.check import check
@@ -35,13 +34,15 @@ def test_a_sound_design_has_no_findings() -> None:
     assert check(design()) == ()
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
-def test_a_fault_is_found_by_its_name_and_nothing_else_is(fault: Fault) -> None:
+def test_a_fault_is_found_by_its_name_and_nothing_else_is() -> None:
     """Exactly one finding, of the right kind, that says what is wrong, and what would be right."""
-    found = check(design(*fault.change))
-    assert [finding.kind for finding in found] == [fault.kind], [f"{f.kind}: {f}" for f in found]
-    assert fault.words in f"{found[0].where} {found[0].wrong} {found[0].right}"
-    assert found[0].right
+    missed = []
+    for fault in FAULTS:
+        found = check(design(*fault.change))
+        told = [f"{one.where} {one.wrong} {one.right}" for one in found if one.right]
+        if [one.kind for one in found] != [fault.kind] or not told or fault.words not in told[0]:
+            missed.append((fault.name, [f"{one.kind}: {one}" for one in found]))
+    assert missed == []
 
 
 def test_a_half_takes_a_name_never_used() -> None:

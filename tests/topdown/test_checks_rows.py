@@ -1,6 +1,5 @@
 """Rows of agents are compared with the messages, both ways, and with the arcs; a spoilt one is named."""
 
-import pytest
 from spoiling import Change, design
 
 from topdown.check import check
@@ -45,40 +44,25 @@ def test_rows_that_fit_have_no_findings() -> None:
     assert check(design(*ROWS)) == ()
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "kind", "words"),
-    [
-        ('on = "order agree" }', 'on = "order agre" }', Kind.BAD_ROW, "'agre'"),
-        ('to = "ordering" }', 'to = "odering" }', Kind.BAD_ROW, "no state 'odering'"),
-        ('then = "arrived" }', 'then = "gone" }', Kind.BAD_ROW, "no choice 'gone'"),
-        ('on = "late ask"', 'on = "late aks"', Kind.BAD_ROW, "'aks'"),
-        (
-            '  { in = ["ordering"], on = "person regret", say = ["order cancel"] },\n',
-            "",
-            Kind.RECEIVED_NOT_SENT,
-            "says",
-        ),
-        ('  { in = ["driving"], on = "drive agree" },\n', "", Kind.SENT_NOT_RECEIVED, "no row of nav takes it"),
-        (
-            'say = ["order inform"], to',
-            'say = ["order inform", "order refuse"], to',
-            Kind.SENT_NOT_RECEIVED,
-            "says order",
-        ),
-        (
-            'on = "drive agree" }',
-            'on = "drive agree" }, { in = ["idle"], on = "drive refuse" }',
-            Kind.RECEIVED_NOT_SENT,
-            "",
-        ),
-    ],
+SPOILT = (
+    ('on = "order agree" }', 'on = "order agre" }', Kind.BAD_ROW, "'agre'"),
+    ('to = "ordering" }', 'to = "odering" }', Kind.BAD_ROW, "no state 'odering'"),
+    ('then = "arrived" }', 'then = "gone" }', Kind.BAD_ROW, "no choice 'gone'"),
+    ('on = "late ask"', 'on = "late aks"', Kind.BAD_ROW, "'aks'"),
+    ('  { in = ["ordering"], on = "person regret", say = ["order cancel"] },\n', "", Kind.RECEIVED_NOT_SENT, "says"),
+    ('  { in = ["driving"], on = "drive agree" },\n', "", Kind.SENT_NOT_RECEIVED, "no row of nav takes it"),
+    ('say = ["order inform"], to', 'say = ["order inform", "order refuse"], to', Kind.SENT_NOT_RECEIVED, "says order"),
+    ('"drive agree" }', '"drive agree" }, { in = ["idle"], on = "drive refuse" }', Kind.RECEIVED_NOT_SENT, ""),
 )
-def test_a_spoilt_row_is_found(old: str, new: str, kind: Kind, words: str) -> None:
+
+
+def test_a_spoilt_row_is_found() -> None:
     """One finding of the right kind; it names the row or the message."""
-    found = check(design(*ROWS, (old, new)))
-    assert [one.kind for one in found] == [kind], [str(one) for one in found]
-    assert words in f"{found[0].where} {found[0].wrong}"
-    assert found[0].line is not None
+    for old, new, kind, words in SPOILT:
+        found = check(design(*ROWS, (old, new)))
+        assert [one.kind for one in found] == [kind], (new, [str(one) for one in found])
+        assert words in f"{found[0].where} {found[0].wrong}", new
+        assert found[0].line is not None, new
 
 
 def test_a_row_leads_where_arcs_lead() -> None:

@@ -22,26 +22,22 @@ def test_a_good_file_is_read() -> None:
     assert file.step[0].divide is not None
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "field", "right"),
-    [
+def test_a_wrong_value_is_named_with_its_line() -> None:
+    """The error has file, line, field and the type wanted."""
+    for old, new, field, right in (
         ("durable = true", 'durable = "yes"', "protocol[0].durable", "bool"),
         ('performative = "inform"', 'performative = "shout"', "protocol[0].message[1].performative", "Performative"),
         ("bytes = 100\n\n[[agent]]", "bytes = 1.5\n\n[[agent]]", "protocol[0].message[1].bytes", "int"),
         ('text = "switch a lamp"', "text = 3", "requirement[0].text", "str"),
         ('root = "all"', "root = 1", "system.root", "str"),
-    ],
-)
-def test_a_wrong_value_is_named_with_its_line(old: str, new: str, field: str, right: str) -> None:
-    """The error has file, line, field and the type wanted."""
-    text = SMALL.replace(old, new)
-    with pytest.raises(DesignError) as caught:
-        loading.read(text, "lamp.toml")
-    error = caught.value
-    assert (error.file, error.field) == ("lamp.toml", field)
-    assert error.line == line_of(text, new.splitlines()[0])
-    assert right in error.right
-    assert f"lamp.toml:{error.line}" in str(error)
+    ):
+        text = SMALL.replace(old, new)
+        with pytest.raises(DesignError) as caught:
+            loading.read(text, "lamp.toml")
+        error, line = caught.value, line_of(text, new.splitlines()[0])
+        assert (error.file, error.field, error.line) == ("lamp.toml", field, line)
+        assert right in error.right, new
+        assert f"lamp.toml:{line}" in str(error)
 
 
 def test_a_misspelt_field_names_the_fields_there_are() -> None:

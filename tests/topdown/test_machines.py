@@ -12,9 +12,9 @@ from topdown.model.machines import Cause, Event, Guard, Said, machines
 WISH = '{ in = ["idle"], on = "person wish", say = ["switch request"], to = "waiting" }'
 
 
-@pytest.mark.parametrize(
-    ("on", "event"),
-    [
+def test_each_cause_is_read() -> None:
+    """By its first word; everything else is a message of a use."""
+    for on, event in (
         ("switch inform", Event(Cause.TAKE, "switch", P.INFORM)),
         ("switch inform[cancel]", Event(Cause.TAKE, "switch", P.INFORM, Kind.CANCEL)),
         ("late switch", Event(Cause.LATE, "switch")),
@@ -22,13 +22,9 @@ WISH = '{ in = ["idle"], on = "person wish", say = ["switch request"], to = "wai
         ("own bored", Event(Cause.OWN, "bored")),
         ("person wish", Event(Cause.PERSON, "wish")),
         ("restart", Event(Cause.RESTART)),
-    ],
-)
-def test_each_cause_is_read(on: str, event: Event) -> None:
-    """By its first word; everything else is a message of a use."""
-    (row,) = machine("hand", [f'{{ in = ["idle"], on = "{on}" }}']).rows
-    assert row.event == event
-    assert (row.say, row.to, row.when, row.several) == ((), "", (), False)
+    ):
+        (row,) = machine("hand", [f'{{ in = ["idle"], on = "{on}" }}']).rows
+        assert (row.event, row.say, row.to, row.when, row.several) == (event, (), "", (), False)
 
 
 def test_every_field_of_a_row_is_kept() -> None:
@@ -77,9 +73,9 @@ def test_a_choice_makes_a_row_of_each_of_its_ways() -> None:
     assert third.when == (Guard("switch", frozenset({"none"})), Guard("switch", frozenset({"asked"})))
 
 
-@pytest.mark.parametrize(
-    ("row", "wrong", "right"),
-    [
+def test_a_row_that_cannot_be_read_is_named() -> None:
+    """File, agent and number, what is wrong, and what there is."""
+    for row, wrong, right in (
         ('{ in = ["idel"], on = "restart" }', "no state 'idel'", "there are asking, idle, waiting"),
         ('{ in = ["idle"], on = "restart", to = "wating" }', "no state 'wating'", "waiting"),
         ('{ in = ["idle"], on = "restart", then = "next" }', "no choice 'next'", "there are none"),
@@ -101,15 +97,12 @@ def test_a_choice_makes_a_row_of_each_of_its_ways() -> None:
         ('{ in = ["idle"], on = "restart", when = ["swich none"] }', "no protocol 'swich'", "switch"),
         ('{ in = ["idle"], on = "restart", when = ["switch asked|gone"] }', "no state of switch 'gone'", "cancelling"),
         ('{ in = ["idle"], on = "restart", when = ["switch"] }', "no state of switch ''", "settled"),
-    ],
-)
-def test_a_row_that_cannot_be_read_is_named(row: str, wrong: str, right: str) -> None:
-    """File, agent and number, what is wrong, and what there is."""
-    with pytest.raises(DesignError) as caught:
-        machine("hand", [WISH, row], "switch", "ask", "watch")
-    assert wrong in caught.value.wrong
-    assert right in caught.value.right
-    assert (caught.value.field, caught.value.file) == ("agent hand, row 2", "small.toml")
+    ):
+        with pytest.raises(DesignError) as caught:
+            machine("hand", [WISH, row], "switch", "ask", "watch")
+        assert wrong in caught.value.wrong, row
+        assert right in caught.value.right, row
+        assert (caught.value.field, caught.value.file) == ("agent hand, row 2", "small.toml")
 
 
 def test_a_way_of_a_choice_that_cannot_be_read_is_named_by_its_row() -> None:

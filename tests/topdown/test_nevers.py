@@ -28,28 +28,21 @@ def test_a_rule_is_broken_where_all_its_conditions_hold() -> None:
     assert wrong(watching(lamp=lamp, more=RULE), 1) == said
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
+def test_a_rule_that_cannot_be_read_is_named() -> None:
+    """A word that nothing answers to would make it hold for ever."""
+    for old, new, words in (
         ('agent = "lamp"', 'agent = "lump"', "no agent 'lump'; there are hand, lamp"),
         ('"watch agree"', '"wach agree"', "no protocol of lamp 'wach'; there are watch"),
         ('"watch agree"', '"watch agre"', "'agre'"),
         ("lamp in idle|busy", "lump in idle", "'lump in idle' is no condition"),
         ("lamp in idle|busy", "lamp in", "agents are hand, lamp"),
         ("lamp in idle|busy", "lamp has idle", "'lamp has idle' is no condition"),
-        (
-            "lamp in idle|busy",
-            "lamp in idle|bussy",
-            "no word in 'lamp in idle|bussy': 'bussy'; there are busy, idle, lit",
-        ),
+        ("lamp in idle|busy", "lamp in idle|bussy", "lamp in idle|bussy': 'bussy'; there are busy, idle, lit"),
         ("lamp owes watch", "hand owes watch", "'watch'; there are none"),
         ("lamp owes watch", "lamp owes ask", "'ask'; there are watch"),
         ("hand watch asked", "hand watch askt", "'askt'; there are asked, "),
-    ],
-)
-def test_a_rule_that_cannot_be_read_is_named(old: str, new: str, words: str) -> None:
-    """A word that nothing answers to would make it hold for ever."""
-    with pytest.raises(DesignError) as caught:
-        fleet(watching(more=RULE.replace(old, new)))
-    assert words in str(caught.value)
-    assert caught.value.field == "never idle before it is known"
+    ):
+        with pytest.raises(DesignError) as caught:
+            fleet(watching(more=RULE.replace(old, new)))
+        assert words in str(caught.value), new
+        assert caught.value.field == "never idle before it is known"

@@ -15,20 +15,22 @@ ENTRIES = (
 MULE = Parameters(Agent("mule", parameter=ENTRIES))
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "value"),
-    [("tries", "9", 9), ("speed", "2", 2.0), ("speed", "0.5", 0.5), ("calm", "True", True), ("side", "right", "right")],
-)
-def test_what_fits_is_read_in_its_type(name: str, text: str, value: object) -> None:
+def test_what_fits_is_read_in_its_type() -> None:
     """And said again as it was typed, but for capitals."""
-    read = MULE.read(name, text)
-    assert (read, type(read)) == (value, type(value))
-    assert worded(read) == text.lower()
+    for name, text, value in (
+        ("tries", "9", 9),
+        ("speed", "2", 2.0),
+        ("speed", "0.5", 0.5),
+        ("calm", "True", True),
+        ("side", "right", "right"),
+    ):
+        read = MULE.read(name, text)
+        assert (read, type(read), worded(read)) == (value, type(value), text.lower())
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "right"),
-    [
+def test_what_does_not_fit_is_told_with_what_would() -> None:
+    """By the name of the parameter and its agent."""
+    for name, text, right in (
         ("tries", "10", "an integer from 1 to 9"),
         ("tries", "0", "an integer from 1 to 9"),
         ("tries", "2.5", "an integer from 1 to 9"),
@@ -36,12 +38,9 @@ def test_what_fits_is_read_in_its_type(name: str, text: str, value: object) -> N
         ("speed", "inf", r"a number of at least 0.5 \[m/s\]"),
         ("calm", "1", "true or false"),
         ("side", "up", "one of left, right"),
-    ],
-)
-def test_what_does_not_fit_is_told_with_what_would(name: str, text: str, right: str) -> None:
-    """By the name of the parameter and its agent."""
-    with pytest.raises(ParameterError, match=f"{name} of mule cannot be '{text}'; it is {right}"):
-        MULE.read(name, text)
+    ):
+        with pytest.raises(ParameterError, match=f"{name} of mule cannot be '{text}'; it is {right}"):
+            MULE.read(name, text)
 
 
 def test_a_parameter_that_is_not_there_is_told_with_those_that_are() -> None:

@@ -17,10 +17,9 @@ PROGRESS, FINAL = Kind.PROGRESS, Kind.FINAL
 
 
 @pytest.mark.parametrize("use", DESIGN.protocols)
-@pytest.mark.parametrize("faults", [0, 1])
-def test_every_use_holds(use, faults):
+def test_every_use_holds(use):
     """No deadlock, no reception without a row, no bound passed, every conversation ends, every state reached."""
-    result = explore_use(DESIGN, use, faults)
+    result = explore_use(DESIGN, use, 1)
     assert result.holds, f"{result.unreached} {[str(one) for one in result.exploration.findings]}"
 
 

@@ -129,18 +129,15 @@ def test_faults_are_counted_or_unlimited(faults, states):
     assert explore(NetModel(net_of(*lose, rest=((is_("b", "y"),),)).counted(faults))).states == states
 
 
-@pytest.mark.parametrize(
-    ("part", "words"),
-    [
+def test_what_a_net_does_not_have_is_named():
+    """With the place and what there is."""
+    for part, words in (
         (is_("c", "x"), "'c' is no variable; there are a, b"),
         (is_("a", "w"), "w is not in 'a'"),
         (is_("q", "x"), "'q' is no variable"),
         (Head("q", frozenset({"k"})), "k is not in 'q'"),
         (Copy("a", "q"), "'q' is no variable with the domain of 'a'"),
-    ],
-)
-def test_what_a_net_does_not_have_is_named(part, words):
-    """With the place and what there is."""
-    with pytest.raises(NetError, match=r"small, A: acts: .*") as error:
-        NetModel(net_of(Command("A", "acts", (part,), ())))
-    assert words in str(error.value)
+    ):
+        with pytest.raises(NetError, match=r"small, A: acts: .*") as error:
+            NetModel(net_of(Command("A", "acts", (part,), ())))
+        assert words in str(error.value)

@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 
 import pytest
-from small import ASKER, HAND, LAMP, WATCHED, WATCHER, design, fleet, kinds, labels, questions, watching, wrong
+from hypothesis import given
+from hypothesis import strategies as st
+from small import ASKER, HAND, LAMP, WATCHED, WATCHER, design, fleet, kinds, labels, questions, reached, watching, wrong
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
@@ -34,8 +36,7 @@ CALLED = (
 )
 
 
-@pytest.mark.parametrize("current", [True, False])
-@pytest.mark.parametrize("stale", [True, False])
+@given(st.booleans(), st.booleans())
 def test_each_operation(current: bool, stale: bool) -> None:
     """Each operation changes the words, the conversation they belong to, and the knowledge as stated."""
     net = Net(frozenset({ANSWER, NEWS}), current, stale)
@@ -175,12 +176,7 @@ def test_a_live_subscription_asked_again_is_agreed_again() -> None:
 def test_each_fault_is_counted(most: int) -> None:
     """And nothing else; where any number may come there is no count."""
     model = fleet(watching(), most)
-    seen, waiting = {model.start}, [model.start]
-    while waiting:
-        here = waiting.pop()
+    for here in reached(model):
         for _, what, there, fair, fault in model.moves(here):
             assert there[-1] == (here[-1] - 1 if fault and most > 0 else here[-1]), what
             assert not (fair and fault)
-            if there not in seen:
-                seen.add(there)
-                waiting.append(there)

@@ -8,9 +8,7 @@ from topdown.prove.stream import Stream, Variant, explore_stream
 V = Variant
 
 
-@pytest.mark.parametrize(
-    ("messages", "copies", "fifo"), [(1, 3, False), (3, 2, False), (3, 3, False), (4, 2, False), (3, 2, True)]
-)
+@pytest.mark.parametrize(("messages", "copies", "fifo"), [(1, 3, False), (3, 3, False), (3, 2, True)])
 def test_the_stream_holds_under_any_number_of_faults(messages, copies, fifo):
     """Each message is worked on once, in order; none is lost; rest is in reach from everywhere."""
     found = explore_stream(messages=messages, copies=copies, fifo=fifo)
@@ -24,7 +22,9 @@ def test_sizes_are_of_the_order_that_was_known():
     small = explore_stream().states
     assert 2_000 < small < 9_335
     assert 1.8 < explore_stream(copies=3).states / small < 2.3
-    assert 4 < explore_stream(messages=4).states / small < 9
+    whole = explore_stream(messages=4)
+    assert whole.holds
+    assert 4 < whole.states / small < 9
 
 
 NAIVE = {

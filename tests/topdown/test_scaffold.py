@@ -38,37 +38,36 @@ def run_its_tests(folder: Path, *arguments: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.fixture(scope="module")
+def projects(tmp_path_factory):
+    """A folder with the project of each design."""
+    folder = tmp_path_factory.mktemp("projects")
+    for name, design in DESIGNS.items():
+        scaffold(design(), folder / name, name)
+    return folder
+
+
 @pytest.mark.process
-@pytest.mark.parametrize("name", DESIGNS)
-def test_every_agent_of_a_new_project_binds_and_declines(name, tmp_path):
+@pytest.mark.parametrize("name", ["grouped", "companion_copy"])
+def test_every_agent_of_a_new_project_binds_and_declines(name, projects):
     """The project's own tests pass before anything is filled in: design, languages, interfaces, every question."""
-    scaffold(DESIGNS[name](), tmp_path, name)
-    run_its_tests(tmp_path, "--ignore", "tests/test_run.py")
+    run_its_tests(projects / name, "--ignore", "tests/test_run.py")
 
 
 @pytest.mark.zenoh
 def test_a_new_project_runs_at_once(tmp_path):
-    """Router and both agents of the smallest system become ready over Zenoh."""
-    scaffold(smallest("tiny"), tmp_path)
-    run_its_tests(tmp_path, "tests/test_run.py")
-
-
-@pytest.mark.zenoh
-def test_a_new_project_with_a_group_runs_at_once(tmp_path):
-    """Its agents do not wait for the end that nobody of the project runs."""
+    """Router and agents become ready over Zenoh; they do not wait for the group, which nobody of the project runs."""
     scaffold(GROUPED.read_text(), tmp_path)
     run_its_tests(tmp_path, "tests/test_run.py")
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("name", DESIGNS)
-def test_what_is_made_is_formatted_and_without_lint(name, tmp_path):
+def test_what_is_made_is_formatted_and_without_lint(projects):
     """ruff has nothing to say."""
-    scaffold(DESIGNS[name](), tmp_path, name)
     ruff = shutil.which("ruff", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     assert ruff is not None, "ruff is among the dev packages"
     for words in (["check"], ["format", "--check"]):
-        done = subprocess.run([ruff, *words, "--no-cache", "."], cwd=tmp_path, capture_output=True, text=True)
+        done = subprocess.run([ruff, *words, "--no-cache", "."], cwd=projects, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -137,9 +136,10 @@ def test_what_the_design_no_longer_makes_is_left_and_told(tmp_path):
     assert (tmp_path / "tiny" / "doer" / "behaviours.py").exists()
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "wrong"),
-    [
+def test_a_design_that_cannot_be_a_project_is_refused_before_anything_is_written(tmp_path):
+    """The error says what is wrong and what would be right; the folder stays empty."""
+    text = smallest("tiny")
+    for old, new, wrong in (
         ('name = "tiny"', 'name = "two words"', "not a name in Python"),
         ('name = "tiny"', 'name = "json"', "installed package"),
         ('name = "tiny"', 'name = "msgspec"', "installed package"),
@@ -150,28 +150,23 @@ def test_what_the_design_no_longer_makes_is_left_and_told(tmp_path):
         ('terminal = "done"', 'terminal = "while"', "not a name in Python"),
         ('key = "roco/{system}/{channel}', 'key = "my/{system}/{channel}', "the runtime's keys"),
         ('into = ["asker", "doer"]', 'into = ["asker", "does"]', "which is not a group"),
-    ],
-)
-def test_a_design_that_cannot_be_a_project_is_refused_before_anything_is_written(old, new, wrong, tmp_path):
-    """The error says what is wrong and what would be right; the folder stays empty."""
-    text = smallest("tiny")
-    assert old in text
-    with pytest.raises(ScaffoldError, match=wrong):
-        scaffold(text.replace(old, new), tmp_path)
-    assert list(tmp_path.iterdir()) == []
+    ):
+        assert old in text
+        with pytest.raises(ScaffoldError, match=wrong):
+            scaffold(text.replace(old, new), tmp_path)
+        assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", DESIGNS)
-def test_compose_has_a_service_for_each_agent_router_and_monitor(name, tmp_path):
+def test_compose_has_a_service_for_each_agent_router_and_monitor(name, projects):
     """Each runs a module that is there, finds router and agents by their names, and says whose fleet it is."""
-    scaffold(DESIGNS[name](), tmp_path, name)
-    services = yaml.safe_load((tmp_path / "compose.yaml").read_text())["services"]
+    services = yaml.safe_load((projects / name / "compose.yaml").read_text())["services"]
     agents = Design(loading.read(DESIGNS[name]()), name).agents
     assert set(services) == {"router", "monitor", *agents}
     assert {one["labels"]["robot-companion.system"] for one in services.values()} == {Path(name).stem}
     for agent in agents:
         package, _, module = services[agent]["command"][-1].partition(".")
-        assert (tmp_path / package / module / "__main__.py").exists()
+        assert (projects / name / package / module / "__main__.py").exists()
         told = services[agent]["environment"]
         assert (told["ROCO_CONNECT"], told["ROCO_LISTEN"]) == ("tcp/router:7447", "tcp/0.0.0.0:7448")
         assert endpoints(told["ROCO_AGENTS"]) == {one: f"tcp/{one}:7448" for one in agents}

@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-import pytest
 from small import HAND, LAMP, design
 
 from fipa_codec.languages import Kind
@@ -54,9 +53,9 @@ def test_a_step_that_follows_a_row_is_one_of_the_design() -> None:
     assert [row.number for row in lamp().fitting(step)] == [1]
 
 
-@pytest.mark.parametrize(
-    ("step", "words"),
-    [
+def test_a_step_that_follows_none_is_named() -> None:
+    """With what it did and the rows there are."""
+    for step, words in (
         (took("idle", REQUEST, AGREE, after="idle"), "said switch agree, then idle; rows for it: row 1"),
         (took("idle", REQUEST, after="busy"), "said nothing, then busy"),
         (took("idle", REQUEST, AGREE, AGREE, after="busy"), "said switch agree, switch agree"),
@@ -65,12 +64,9 @@ def test_a_step_that_follows_a_row_is_one_of_the_design() -> None:
         (took("idle", CANCEL), "in idle on switch cancel said nothing, then idle; rows for it: none"),
         (did("idle", "Local", INFORM), "in idle on Local said switch inform"),
         (did("busy", "Tick", after="idle"), "rows for it: none"),
-    ],
-)
-def test_a_step_that_follows_none_is_named(step: Step, words: str) -> None:
-    """With what it did and the rows there are."""
-    assert words in lamp().why_not(step)
-    assert lamp().fitting(step) == ()
+    ):
+        assert words in lamp().why_not(step), step
+        assert lamp().fitting(step) == ()
 
 
 def test_words_come_in_their_order_and_others_only_if_they_may() -> None:
@@ -95,13 +91,13 @@ EVENTS = {
 WORDS = ["Started", "Late switch", "Late ask", "PeerChanged lamp", "PeerChanged other", "Woken", "Local", "Settled"]
 
 
-@pytest.mark.parametrize("cause", EVENTS)
-@pytest.mark.parametrize("word", WORDS)
-def test_which_events_a_row_may_be_for(cause: str, word: str) -> None:
+def test_which_events_a_row_may_be_for() -> None:
     """Its cause says so; late and back name whom."""
-    steps = hand(f'{{ in = ["idle"], on = "{cause}", say = ["switch request"] }}')
-    fits = word in EVENTS[cause] or (word.startswith("PeerChanged") and cause == "own bored")
-    assert (steps.why_not(did("idle", word, REQUEST)) == "") is fits
+    for cause, events in EVENTS.items():
+        steps = hand(f'{{ in = ["idle"], on = "{cause}", say = ["switch request"] }}')
+        for word in WORDS:
+            fits = word in events or (word.startswith("PeerChanged") and cause == "own bored")
+            assert (steps.why_not(did("idle", word, REQUEST)) == "") is fits, (cause, word)
 
 
 def test_what_is_due_decides_between_rows() -> None:
@@ -117,12 +113,12 @@ def test_what_is_due_decides_between_rows() -> None:
     assert not steps.why_not(did("idle", "Woken", after="busy", owed=("somebody",)))
 
 
-@pytest.mark.parametrize("words", ["settled|unsettled", "live|settled", "none|unsettled", "live"])
-@pytest.mark.parametrize("owed", [(), ("hand",)])
-def test_a_guard_with_a_choice_may_hold_by_what_is_not_seen(words: str, owed: tuple[str, ...]) -> None:
+def test_a_guard_with_a_choice_may_hold_by_what_is_not_seen() -> None:
     """One of its words is enough, and conversations' states are not seen."""
-    steps = lamp(f'{{ in = ["idle"], on = "own lit", when = ["watch {words}"], to = "busy" }}')
-    assert not steps.why_not(did("idle", "Woken", after="busy", owed=owed))
+    for words in ("settled|unsettled", "live|settled", "none|unsettled", "live"):
+        steps = lamp(f'{{ in = ["idle"], on = "own lit", when = ["watch {words}"], to = "busy" }}')
+        for owed in ((), ("hand",)):
+            assert not steps.why_not(did("idle", "Woken", after="busy", owed=owed)), words
 
 
 def test_nothing_done_is_no_deviation() -> None:
@@ -132,10 +128,9 @@ def test_nothing_done_is_no_deviation() -> None:
         assert not steps.why_not(did("idle", event))
 
 
-@pytest.mark.parametrize("event", ["Started", "Late ask"])
-@pytest.mark.parametrize(
-    ("row", "due"),
-    [
+def test_after_a_death_or_a_wait_nothing_is_less_than_a_row_that_applies_always() -> None:
+    """The proof relies on it: what was lost is asked again. A guard, or a conversation's table, may say otherwise."""
+    for row, due in (
         ('say = ["ask query-ref"]', True),
         ('say = ["watch subscribe"], to = "asking"', True),
         ('to = "asking"', True),
@@ -145,16 +140,11 @@ def test_nothing_done_is_no_deviation() -> None:
         ('say = ["watch cancel"]', False),
         ('say = ["ask query-ref"], several = true', False),
         ('may = ["ask query-ref"]', False),
-    ],
-)
-def test_after_a_death_or_a_wait_nothing_is_less_than_a_row_that_applies_always(
-    event: str, row: str, due: bool
-) -> None:
-    """The proof relies on it: what was lost is asked again. A guard, or a conversation's table, may say otherwise."""
-    cause = "restart" if event == "Started" else "late ask"
-    steps = hand(f'{{ in = ["idle"], on = "{cause}", {row} }}')
-    assert bool(steps.why_not(did("idle", event))) is due
-    assert not steps.why_not(did("idle", "Late watch"))
+    ):
+        for event, cause in (("Started", "restart"), ("Late ask", "late ask")):
+            steps = hand(f'{{ in = ["idle"], on = "{cause}", {row} }}')
+            assert bool(steps.why_not(did("idle", event))) is due, (event, row)
+            assert not steps.why_not(did("idle", "Late watch"))
 
 
 def test_what_is_outside_the_proof_is_not_compared() -> None:

@@ -89,24 +89,19 @@ static void branches(const double *upper_axis, const double *fore_axis, double q
     }
 }
 
-/* Write the postures, torso + arm (8 n, 8) at most, with the wrist (12,) where it is in the world's torso, for n pairs of
-   torso and swivel; and the pair (8 n,) of each. Return how many: none for pairs out of reach. */
-int arm_postures(const Arm *arm, const double *wrist, int n, const double *torso, const double *swivel, double *found, int *pair)
+/* Write the postures, torso + arm (8, 8), with the wrist (12,) where it is in the world's torso, for a torso and a swivel.
+   Return how many: none where the wrist is out of reach. */
+static int postures(const Arm *arm, const double *wrist, double torso, double swivel, double *found)
 {
-    int count = 0;
-    for (int k = 0; k < n; k++) {
-        double way[3], goal[9], upper_axis[3], fore_axis[3];
-        from_shoulder(arm, wrist, torso[k], way, goal);
-        double reach = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
-        if (!(reach < arm->upper + arm->fore - 1e-6 && reach > fabs(arm->upper - arm->fore) + 1e-6)) /* nor NaN */
-            continue;
-        double q3 = elbow(arm, way, reach, swivel[k], upper_axis, fore_axis);
-        branches(upper_axis, fore_axis, q3, goal, torso[k], found + 8 * count);
-        branches(upper_axis, fore_axis, -q3, goal, torso[k], found + 8 * (count + 4));
-        for (int i = 0; i < 8; i++)
-            pair[count++] = k;
-    }
-    return count;
+    double way[3], goal[9], upper_axis[3], fore_axis[3];
+    from_shoulder(arm, wrist, torso, way, goal);
+    double reach = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
+    if (!(reach < arm->upper + arm->fore - 1e-6 && reach > fabs(arm->upper - arm->fore) + 1e-6)) /* nor NaN */
+        return 0;
+    double q3 = elbow(arm, way, reach, swivel, upper_axis, fore_axis);
+    branches(upper_axis, fore_axis, q3, goal, torso, found);
+    branches(upper_axis, fore_axis, -q3, goal, torso, found + 8 * 4);
+    return 8;
 }
 
 /* Whether a point is inside the polygon: an odd number of edges is to the right of it. */
@@ -132,14 +127,14 @@ static int comfortable(const Wanted *wanted, const double *q)
     return inside(wanted, q[ARM - 1], q[ARM]);
 }
 
-/* As arm_postures, but write only those in which a motion may end, as postures (8 n, 15) at most, else as q (15,). */
+/* Write the postures (8 n, 15) at most in which a motion may end, for n pairs of torso and swivel, else as q (15,). */
 int arm_comfortable(const Arm *arm, const Wanted *wanted, const double *wrist, int n, const double *torso, const double *swivel,
                     const double *q, double *found)
 {
-    int count = 0, pair[8];
+    int count = 0;
     double some[8][ARM + 1];
     for (int k = 0; k < n; k++) {
-        int solved = arm_postures(arm, wrist, 1, torso + k, swivel + k, some[0], pair);
+        int solved = postures(arm, wrist, torso[k], swivel[k], some[0]);
         for (int i = 0; i < solved; i++) {
             if (!comfortable(wanted, some[i]))
                 continue;

@@ -15,16 +15,19 @@ Closed loop in the task: Lam e'' + D e' + K e = external wrench, since the drive
 All torques are beyond gravity. Functions are pure; sides are rows (0 right, 1 left), 12-vectors are (right, left).
 """
 
+import ctypes
 import math
 from collections.abc import Callable
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from velma import ranges
-from velma.control import law
+from velma.compiled import library
 from velma.control.dynamics import Terms
+from velma.control.record import Record
 from velma.ranges import Cycles, DampingRatio, Stiffness, Viscosity
 
 Array = NDArray[np.float64]
@@ -85,11 +88,6 @@ def task_error(terms: Terms, goal_rotation: Array, goal_position: Array) -> Arra
     return error
 
 
-def error() -> Callable[[Terms, Array, Array], Array]:
-    """Return `task_error`, in C where velma.compiled is built."""
-    return law.error() or task_error
-
-
 def task_inertia(jacobian: Array, inverse_mass: Array) -> tuple[Array, Array]:
     """Return Lam (12, 12) and J M^-1 (12, 15), for J (12, 15) and M^-1 (15, 15)."""
     through = jacobian @ inverse_mass
@@ -137,6 +135,92 @@ def null_space(torque: Array, jacobian: Array, through: Array, inertia: Array) -
     return np.asarray(torque - jacobian.T @ (inertia @ (through @ torque)))
 
 
+# --- The same as torque.c and error.c of velma.compiled compute it ----------------------------------------------------
+
+_LAW = {
+    "mass": (15, 15), "jacobian": (12, 15), "error": (12,), "slip": (15,), "stray": (15,), "wrench": (12,),
+    "stiffness": (12,), "posture_stiffness": (15,), "posture_damping": (15,), "regularisation": (1,),
+    "twice_ratio": (1,), "damping": (12, 12), "inertia": (12, 12), "through": (12, 15), "torque": (15,),
+}  # fmt: skip
+"""As in torque.c."""
+_ERROR = {
+    "rotation": (2, 3, 3), "position": (2, 3), "goal_rotation": (2, 3, 3), "goal_position": (2, 3), "error": (12,),
+}  # fmt: skip
+"""As in error.c."""
+_NO_INVERSE = "the mass matrix of the body or of its hands is not positive definite"
+
+
+class _Law:
+    """The torque law of both hands: what it acts on, its three calls."""
+
+    def __init__(self, built: ctypes.CDLL, record: Record) -> None:
+        self._record, self._part, self._at = record, record.part, record.at
+        self._inertia, self._design, self._torque = built.law_inertia, built.law_damping, built.law_torque
+        self._inertia.restype, self._design.restype, self._torque.restype = ctypes.c_int, ctypes.c_int, None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _law, (self._record,)
+
+    def set(self, **parts: Array | float) -> None:
+        """Write parts that stay: stiffness, posture_stiffness, posture_damping, regularisation, twice_ratio."""
+        for name, value in parts.items():
+            self._part[name][:] = value
+
+    def inertia(self, terms: Terms, error: Array, slip: Array, stray: Array, wrench: Array) -> None:
+        """Take what the law acts on; compute Lam (12, 12). Raise LinAlgError, as numpy's inv does."""
+        part = self._part
+        part["mass"][:], part["jacobian"][:] = terms.mass, terms.jacobian
+        part["error"][:], part["slip"][:], part["stray"][:], part["wrench"][:] = error, slip, stray, wrench
+        if not self._inertia(self._at):
+            raise np.linalg.LinAlgError(_NO_INVERSE)
+
+    def damping(self) -> Array:
+        """Return D (12, 12) for Lam as it is now. Raise LinAlgError, as numpy's cholesky does."""
+        if not self._design(self._at):
+            raise np.linalg.LinAlgError(_NO_INVERSE)
+        return self._part["damping"].copy()
+
+    def torque(self, damping: Array) -> Array:
+        """Return tau (15,) for the damping D (12, 12)."""
+        self._part["damping"][:] = damping
+        self._torque(self._at)
+        return self._part["torque"].copy()
+
+
+class _Error:
+    """The error of both hands: call it with terms and goals."""
+
+    def __init__(self, built: ctypes.CDLL, record: Record) -> None:
+        self._record, self._part, self._at = record, record.part, record.at
+        self._error = built.task_error
+        self._error.restype = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return error, (self._record,)
+
+    def __call__(self, terms: Terms, goal_rotation: Array, goal_position: Array) -> Array:
+        """Return e (12,) [m, rad], for goals (2, 3, 3) and (2, 3) [m]."""
+        part = self._part
+        part["rotation"][:], part["position"][:] = terms.rotation, terms.position
+        part["goal_rotation"][:], part["goal_position"][:] = goal_rotation, goal_position
+        self._error(self._at)
+        return part["error"].copy()
+
+
+def _law(record: Record | None = None) -> _Law | None:
+    built = library()
+    return _Law(built, record or Record(_LAW)) if built is not None else None
+
+
+def error(record: Record | None = None) -> Callable[[Terms, Array, Array], Array]:
+    """Return `task_error`, in C where velma.compiled is built; with the memory of another one."""
+    built = library()
+    return _Error(built, record or Record(_ERROR)) if built is not None else task_error
+
+
+# --- The law with its state -------------------------------------------------------------------------------------------
+
+
 class CartesianImpedance:
     """The law with its gains and the last damping design; it has no other state."""
 
@@ -147,7 +231,7 @@ class CartesianImpedance:
         self._posture_stiffness, self._posture_damping = self.gains.posture()
         self._damping = np.zeros((12, 12))
         self._age = self.gains.renewed_every
-        self._law = law.law()
+        self._law = _law()
         if self._law is not None:
             self._law.set(stiffness=self._twice, regularisation=REGULARISATION)
             self._law.set(twice_ratio=2.0 * self.gains.damping_ratio)

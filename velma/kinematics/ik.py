@@ -106,19 +106,15 @@ class ArmGeometry:
         hand = model.frames[robot.frame[side]].placement  # last joint to grip
         self.T_grip_wrist = hand.inverse() * pin.SE3(np.eye(3), np.array([0.0, 0.0, -z[6]]))
         built = library()
-        self._compiled: Any = built.arm_postures if built is not None else None
         self._comfortable: Any = built.arm_comfortable if built is not None else None
         self._arm = _Arm(self.upper, self.fore, _numbers(self.T_torso_shoulder))
 
-    def postures(self, target: Any, torso: Array, swivel: Array) -> tuple[Array, Columns]:
-        """Return the 8 postures of each pair (torso, swivel), (n,) [rad] each, the grip at `target` (T_world_grip).
+    def postures(self, target: Any, torso: Array, swivel: Array) -> Array:
+        """The 8 postures of each pair (torso, swivel), (n,) [rad] each, the grip at `target` (T_world_grip).
 
-        Returns torso + arm angles (m, 8) and the index (m,) of the pair of each; pairs out of reach have none.
-        Limits are not checked.
+        Torso + arm angles (m, 8), in the order of the pairs; pairs out of reach have none. Limits are not checked.
         """
         wrist = self.T_world_torso.inverse() * target * self.T_grip_wrist
-        if self._compiled is not None:
-            return self._by_library(wrist, torso, swivel)
         cos, sin = np.cos(torso), np.sin(torso)
         unturn = np.zeros((len(torso), 3, 3))
         unturn[:, 0, 0], unturn[:, 0, 1], unturn[:, 1, 0], unturn[:, 1, 1], unturn[:, 2, 2] = cos, sin, -sin, cos, 1.0
@@ -138,15 +134,7 @@ class ArmGeometry:
         fore_frame = np.stack((_cross(y_axis, fore_axis), y_axis, fore_axis), axis=2)
         q0, q1, q2 = _zyz(upper_frame, shoulder_sign)
         q4, q5, q6 = _zyz(fore_frame.transpose(0, 2, 1) @ goal[index], wrist_sign)
-        return np.stack((torso[index], q0, q1, q2, q3, q4, q5, q6), axis=1), index
-
-    def _by_library(self, wrist: Any, torso: Array, swivel: Array) -> tuple[Array, Columns]:
-        pairs = np.array((torso, swivel), dtype=np.float64)
-        most = len(BRANCHES) * pairs.shape[1]
-        found, index = np.empty((most, len(names.ARM[names.SIDES[0]]) + 1)), np.empty(most, dtype=np.int32)
-        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (*pairs, found, index)]
-        count = self._compiled(ctypes.byref(self._arm), _numbers(wrist), ctypes.c_int(pairs.shape[1]), *pointers)
-        return found[:count], index[:count]
+        return np.stack((torso[index], q0, q1, q2, q3, q4, q5, q6), axis=1)
 
     def comfortable(self, target: Any, torso: Array, swivel: Array, wanted: Wanted, q: Array) -> Array | None:
         """Return the postures (m, 15) of `postures` in which a motion may end, else as q; None without a library."""
@@ -385,7 +373,7 @@ def postures(
     ended = geometry(robot, side).comfortable(target, turned, swivel, _wanted(robot, side), q)
     if ended is not None:
         return ended
-    found, _ = geometry(robot, side).postures(target, turned, swivel)
+    found = geometry(robot, side).postures(target, turned, swivel)
     found = found[_comfortable(robot, found[:, 1:], found[:, 0], side)]
     whole = np.tile(q, (len(found), 1))
     whole[:, names.COLUMNS[side]] = found
@@ -408,7 +396,7 @@ def reachable(robot: Robot, side: str, target: Any, rng: np.random.Generator, *,
     columns = names.COLUMNS[side]
     lower, upper = robot.lower[columns] + _STAY_INSIDE, robot.upper[columns] - _STAY_INSIDE
     torso, swivel = rng.uniform(lower[0], upper[0], starts), rng.uniform(-np.pi, np.pi, starts)
-    found, _ = geometry(robot, side).postures(target, torso, swivel)
+    found = geometry(robot, side).postures(target, torso, swivel)
     return bool(((found >= lower) & (found <= upper)).all(axis=1).any())
 
 

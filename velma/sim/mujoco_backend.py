@@ -4,8 +4,12 @@ A step is `mj_step2` and then `mj_step1`, so that all that is read between two s
 to the present state and not to the one before.
 """
 
+import ctypes
 import hashlib
 from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,11 +18,38 @@ from velma.errors import SceneError
 from velma.model.scene import Noise, Scene, checked
 from velma.model.scene_xml import WRIST_SENSORS, scene_xml
 from velma.names import BODY, DISTAL, FINGERS, HEAD, PROXIMAL, SIDES, SPREAD, START, check_joints
-from velma.sim import sleeping
 from velma.sim.backend import DISTAL_SHARE, PAIR_LIMIT, PERIOD_S, SINGLE_LIMIT, Array, Command, State, at_rest
 from velma.sim.disturbances import Disturbance, Orders
 from velma.sim.disturbed_world import DisturbedWorld
 from velma.sim.spoiled_senses import SpoiledReadings
+
+# --- MuJoCo's sleep: what is at rest and touched by nothing awake is not simulated -----------------------------------
+
+AWAKE = -1
+
+
+def allow_sleep(model: mujoco.MjModel) -> None:
+    """Let all trees sleep but those with drives, which MuJoCo keeps awake."""
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+
+
+def sleep_again(model: mujoco.MjModel, data: mujoco.MjData, asleep: Array) -> None:
+    """Put to sleep the trees that slept when `data.tree_asleep` was `asleep` (ntree,), at the coordinates of `data`."""
+    data.tree_asleep[:] = AWAKE
+    mujoco.mj_step1(model, data)  # what sleeps is placed only while it is awake
+    data.tree_asleep[:] = asleep.astype(np.int32)
+    _update()(model._address, data._address)
+    data.qacc_smooth[:] = data.qacc_warmstart  # of what sleeps the next step hands it on
+
+
+@cache
+def _update() -> Any:
+    """Return the function of MuJoCo's library that makes its lists of what is awake; Python's bindings leave it out."""
+    (path,) = Path(mujoco.__file__).parent.glob("libmujoco.so.*")
+    update = ctypes.CDLL(str(path)).mj_updateSleep
+    update.argtypes, update.restype = [ctypes.c_void_p, ctypes.c_void_p], None
+    return update
+
 
 # --- Things of a scene that stand in each other or in the robot. Read from the contacts of the simulation at its start
 
@@ -119,7 +150,7 @@ class MujocoBackend:
     def __init__(self, scene: Scene, model: mujoco.MjModel | None = None) -> None:
         self.scene = scene
         self.model = model = model or compiled(scene)
-        sleeping.allow(model)
+        allow_sleep(model)
         self.data = mujoco.MjData(model)
         # MuJoCo would write its warnings to a file in the working folder; errors show in the numbers, which the loop
         # checks.
@@ -275,7 +306,7 @@ class MujocoBackend:
         """Take up a state of `save`: the same commands lead to the same states, bit for bit."""
         state, locked, work, wrist, before, asleep = (np.frombuffer(saved)[part] for part in self._parts)
         mujoco.mj_setState(self.model, self.data, state, STATE)
-        sleeping.restore(self.model, self.data, asleep)
+        sleep_again(self.model, self.data, asleep)
         self._lock(locked)
         self._work = float(work[0])
         mujoco.mj_step1(self.model, self.data)

@@ -8,9 +8,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from velma.eyes import bits
-from velma.eyes.disturbed import disturbed
+from velma.eyes import detect
 from velma.eyes.lens import HEIGHT, WIDTH
+from velma.eyes.pictures import disturbed
 from velma.model.contacts import LOOK_GROUP
 from velma.model.markers import Marker, of_scene
 from velma.model.scene import Scene, checked
@@ -63,11 +63,11 @@ _HALVES = ((3, 2, 1), (3, 1, 0))
 
 def _sheet(markers: Sequence[Marker], rows: int, columns: int) -> np.ndarray:
     """Return grey levels (rows x n, columns x n) of all plates, row by row, white where none is."""
-    side = bits.MODULES * TEXELS
+    side = detect.MODULES * TEXELS
     sheet = np.full((rows * side, columns * side), 255, np.uint8)
     for k, marker in enumerate(markers):
         y, x = divmod(k, columns)
-        sheet[y * side : (y + 1) * side, x * side : (x + 1) * side] = bits.plate(marker.number, TEXELS)
+        sheet[y * side : (y + 1) * side, x * side : (x + 1) * side] = detect.plate(marker.number, TEXELS)
     return sheet
 
 

@@ -30,10 +30,9 @@ from services.executor.loop.link import AgentLink, StopLink
 from services.executor.loop.process import LATE_TURNS, LoopProcess
 from velma.model.kinds import MOVEABLE
 from velma.names import GRIP_BODY, Array
-from velma.sim import sleeping
 from velma.sim.backend import Backend
 from velma.sim.mock_backend import MockBackend
-from velma.sim.mujoco_backend import MujocoBackend
+from velma.sim.mujoco_backend import AWAKE, MujocoBackend
 
 SLOTS = "loop.slots"
 KNOTS = 4  # of a motion, 0.03 s
@@ -121,7 +120,7 @@ def _turns(process: LoopProcess) -> None:
 def _press(robot: MujocoBackend) -> None:
     """Put the things that can be taken where a hand is."""
     model, data = robot.model, robot.data
-    data.tree_asleep[:] = sleeping.AWAKE
+    data.tree_asleep[:] = AWAKE
     for thing in robot.scene.of(*MOVEABLE):
         place = model.jnt_qposadr[model.body(thing.id).jntadr[0]]
         data.qpos[place : place + 3] = data.body(GRIP_BODY["right"]).xpos

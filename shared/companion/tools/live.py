@@ -48,22 +48,21 @@ class Live:
         elif isinstance(content, sw.Report):
             outcome = content.state.lower() if content.state in sw.FINAL else ""
             if content.at or outcome:
-                yield PlanAt(t=one.received, at=_place(content.at), outcome=outcome)
+                at = content.at
+                place = None if at is None else _step(at.path, at.step, at.act)
+                yield PlanAt(t=one.received, at=place, outcome=outcome)
         if one.channel != "C4" and (one.channel != "C6" or isinstance(content, wm.SeenObject)):
             if len(self._story) >= STORY:
                 self._story = self._story[-STORY // 2 :]
                 self._told = Counter(event.name for event in events(History(said=tuple(self._story))))
             self._story.append(one)
-            yield from self._news()
-
-    def _news(self) -> Iterator[Happened]:
-        """Events that were not told yet."""
-        counted: Counter[str] = Counter()
-        for event in events(History(said=tuple(self._story))):
-            counted[event.name] += 1
-            if counted[event.name] > self._told[event.name] and event.kind not in _LEFT_OUT:
-                self._told[event.name] += 1
-                yield Happened(t=event.at, name=event.kind, of=event.of, text=event.text, again=event.kind in _AGAIN)
+            counted: Counter[str] = Counter()
+            for event in events(History(said=tuple(self._story))):
+                counted[event.name] += 1
+                if counted[event.name] > self._told[event.name] and event.kind not in _LEFT_OUT:
+                    self._told[event.name] += 1
+                    again = event.kind in _AGAIN
+                    yield Happened(t=event.at, name=event.kind, of=event.of, text=event.text, again=again)
 
     def _loop(self, house: House) -> Iterator[AgentIn]:
         try:
@@ -88,10 +87,6 @@ def states_of(machine: hfsm.Machine, path: tuple[str, ...] = ()) -> Iterator[Ste
                 yield _step(here, None)
             case _:
                 yield _step(here, hfsm.step_of(state) or machine.step)
-
-
-def _place(at: hfsm.Place | None) -> Step | None:
-    return None if at is None else _step(at.path, at.step, at.act)
 
 
 def _step(path: tuple[str, ...], step: hfsm.Step | None, act: str = "") -> Step:

@@ -1,11 +1,11 @@
 """Names for the shell to complete: runs, and what a design has. Imports are made only when a shell asks.
 
 Nothing of a project is imported: its design is read as a file (operate.system.design_shown). Names that only a running
-fleet knows are in operate.cli.fleet.living_names. A completer gets the options that stand
-before the word, so that names are those of the design file or of the run that was named there.
+fleet knows are in operate.cli.fleet.targets. A completer gets the options that stand before the word, so that names are
+those of the design file or of the run that was named there.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,47 @@ KINDS = ("channel", "agent", "protocol", "performative")
 """Kinds that `roco replay --only KIND=NAME` can choose by."""
 
 
+def among(names: Iterable[str], incomplete: str) -> list[str]:
+    """What begins so; not what a terminal would obey where the shell shows it."""
+    return [str(name) for name in names if name.startswith(incomplete) and one_line(escaped(name)) == name]
+
+
+def _of_design(names: "Callable[[Design], Iterable[str]]") -> Callable[[typer.Context, str], list[str]]:
+    """A completer of names that a design has."""
+
+    def completer(ctx: typer.Context, incomplete: str) -> list[str]:
+        return [name for design in _designs(ctx) for name in among(names(design), incomplete)]
+
+    return completer
+
+
+agents = _of_design(lambda design: design.agents)
+channels = _of_design(lambda design: design.channels)
+protocols = _of_design(lambda design: design.tables)  # as it names what it follows
+uses = _of_design(lambda design: design.protocols)
+pairs = _of_design(lambda design: ["-".join(one.ends) for one in design.channels.values()])
+steps = _of_design(lambda design: map(str, range(1, len(design.file.step) + 1)))
+ontologies = _of_design(lambda design: dict.fromkeys(use.ontology for use in design.file.protocol if use.ontology))
+languages = _of_design(lambda design: [one.name for one in design.file.language])
+systems = _of_design(lambda design: [design.file.system.name])
+moments = _of_design(
+    lambda design: [f"{agent}:{one.name}" for agent, entry in design.agents.items() for one in entry.state]
+)
+
+
+def _fixed(*words: str) -> Callable[[str], list[str]]:
+    """A completer of values as one may write them."""
+    return lambda incomplete: among(words, incomplete)
+
+
+ages = _fixed("12h", "1d", "7d", "4w")
+times = _fixed("30s", "5m", "1h")
+speeds = _fixed("1", "2", "10", "max")
+thresholds = _fixed("success=", "latency=", "energy=", "traffic=")
+faults = _fixed("any", "0", "1", "2", "3")
+layers = _fixed("1", "2", "3")
+
+
 def runs(incomplete: str) -> list[str]:
     """The folders of runs, newest first."""
     found = sorted((path for path in RUNS.glob("*") if path.is_dir()), key=lambda path: path.name, reverse=True)
@@ -36,43 +77,18 @@ def run_names(incomplete: str) -> list[str]:
     return among([Path(path).name for path in runs("")], incomplete)
 
 
-def agents(ctx: typer.Context, incomplete: str) -> list[str]:
-    """The agents of the design."""
-    return _begun(incomplete, (design.agents for design in _designs(ctx)))
-
-
-def channels(ctx: typer.Context, incomplete: str) -> list[str]:
-    """The channels of the design."""
-    return _begun(incomplete, (design.channels for design in _designs(ctx)))
-
-
-def protocols(ctx: typer.Context, incomplete: str) -> list[str]:
-    """The protocols of the design, as it names what it follows."""
-    return _begun(incomplete, (design.tables for design in _designs(ctx)))
-
-
 def every_protocol(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the protocols that a design can follow, by every name: its own, then all that are registered."""
     from fipa_codec.tables import known
 
     own = [name for design in _designs(ctx) for name in design.own_tables]
     names = [name for protocol in known() for name in (protocol.name, *protocol.aliases)]
-    return among(dict.fromkeys([*own, *names]), incomplete)
-
-
-def uses(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the uses of protocols of the design."""
-    return _begun(incomplete, (design.protocols for design in _designs(ctx)))
+    return among(dict.fromkeys([*own, *sorted(names)]), incomplete)
 
 
 def protocols_and_uses(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return both: a use by its name, or all of a protocol."""
     return [*protocols(ctx, incomplete), *uses(ctx, incomplete)]
-
-
-def pairs(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return agents that share a channel, as one-other."""
-    return _begun(incomplete, (["-".join(one.ends) for one in design.channels.values()] for design in _designs(ctx)))
 
 
 def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -91,28 +107,7 @@ def parameter_values(ctx: typer.Context, incomplete: str) -> list[str]:
         return among(LEVELS, incomplete)
     every = [design.agents[agent] for design in _designs(ctx) if agent in design.agents]
     named = [one for entry in every for one in entry.parameter if one.name == name]
-    return _begun(incomplete, (map(str, (*one.choices, one.default)) for one in named))
-
-
-def steps(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the numbers of the design's steps."""
-    return _begun(incomplete, (map(str, range(1, len(design.file.step) + 1)) for design in _designs(ctx)))
-
-
-def ontologies(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the ontologies of the design."""
-    named = ({use.ontology: None for use in one.file.protocol if use.ontology} for one in _designs(ctx))
-    return _begun(incomplete, named)
-
-
-def languages(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the content languages of the design."""
-    return _begun(incomplete, ([one.name for one in design.file.language] for design in _designs(ctx)))
-
-
-def systems(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the system's name as the design has it."""
-    return _begun(incomplete, ([design.file.system.name] for design in _designs(ctx)))
+    return among([str(value) for one in named for value in (*one.choices, one.default)], incomplete)
 
 
 def performatives(incomplete: str) -> list[str]:
@@ -160,45 +155,6 @@ def targets(incomplete: str) -> list[str]:
     return among(("local", "compose", *projects()), incomplete) + runs(incomplete)
 
 
-def ages(incomplete: str) -> list[str]:
-    """Return durations as one may write them."""
-    return among(("12h", "1d", "7d", "4w"), incomplete)
-
-
-def times(incomplete: str) -> list[str]:
-    """Return how long ago something was, as one may write it."""
-    return among(("30s", "5m", "1h"), incomplete)
-
-
-def speeds(incomplete: str) -> list[str]:
-    """Return speeds of a replay as one may write them."""
-    return among(("1", "2", "10", "max"), incomplete)
-
-
-def thresholds(incomplete: str) -> list[str]:
-    """Return what `roco compare` has a threshold for."""
-    return among(("success=", "latency=", "energy=", "traffic="), incomplete)
-
-
-def moments(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return moments at which a fault may begin: the states of all agents, as AGENT:STATE."""
-    named = (
-        [f"{agent}:{one.name}" for agent, entry in design.agents.items() for one in entry.state]
-        for design in _designs(ctx)
-    )
-    return _begun(incomplete, named)
-
-
-def faults(incomplete: str) -> list[str]:
-    """Return how many faults a proof may allow."""
-    return among(("any", "0", "1", "2", "3"), incomplete)
-
-
-def layers(incomplete: str) -> list[str]:
-    """Return the layers of a proof."""
-    return among(("1", "2", "3"), incomplete)
-
-
 def path_given(ctx: typer.Context, name: str) -> Path | None:
     """Return the path that a parameter before the word has, which is still a text there; None: it has none.
 
@@ -221,12 +177,3 @@ def _designs(ctx: typer.Context) -> "Iterable[Design]":
         return (load(named) if named is not None and named.suffix == ".toml" else design_shown(named),)
     except (NoSystemError, TopdownError, OSError):
         return ()
-
-
-def _begun(incomplete: str, found: Iterable[Iterable[str]]) -> list[str]:
-    return among((name for names in found for name in names), incomplete)
-
-
-def among(names: Iterable[str], incomplete: str) -> list[str]:
-    """Return what begins so; not what a terminal would obey where the shell shows it."""
-    return [str(name) for name in names if name.startswith(incomplete) and one_line(escaped(name)) == name]

@@ -206,9 +206,11 @@ def made(name: str, function: Callable[..., None]) -> TyperCommand:
     """A function as a command whose output is guarded; its docstring is the help, the examples at its end stand below
     the options.
     """
-    text, _, examples = (inspect.getdoc(function) or "").partition(EXAMPLES)
+    text = (inspect.getdoc(function) or "").partition(EXAMPLES)[0].strip()
+    lines = [line.replace("[", r"\[") for line in examples_of(function)]  # a bracket is no markup
+    shown = "\n\n".join(("Examples:", *(f"  {line}" for line in lines))) if lines else None
     only = typer.Typer(add_completion=False)
-    only.command(name, cls=Verb, help=text.strip(), epilog=_paragraphs(examples))(function)
+    only.command(name, cls=Verb, help=text, epilog=shown)(function)
     command = cast(TyperCommand, typer.main.get_command(only))
     command.callback = guarded(cast(Callable[..., None], command.callback))
     return command
@@ -225,18 +227,7 @@ def _told(problem: str, code: int, *, json: bool) -> int:
 
 def examples_of(function: Callable[..., None]) -> list[str]:
     """The calls of roco that a verb's docstring shows."""
-    return [
-        line.strip() for line in (inspect.getdoc(function) or "").partition(EXAMPLES)[2].splitlines() if line.strip()
-    ]
-
-
-def _paragraphs(examples: str) -> str | None:
-    """Examples as the help shows them, a line for each; brackets are not markup."""
-    lines = [line.replace("[", r"\[") for line in _lines(examples)]
-    return "\n\n".join(("Examples:", *(f"  {line}" for line in lines))) if lines else None
-
-
-def _lines(examples: str) -> list[str]:
+    examples = (inspect.getdoc(function) or "").partition(EXAMPLES)[2]
     return [line.strip() for line in examples.splitlines() if line.strip()]
 
 
@@ -250,11 +241,8 @@ def _listed(words: str, table: Table) -> Iterator[tuple[str, TyperCommand | Type
             settings: dict[str, Any] = {"help": line, "rich_help_panel": panel if not words else None}
             if place:
                 summary = Summary(name, **settings)
-                summary.place, summary.above = place, called if _has_below(called, table) else ""
+                below = any(words.startswith(f"{called} ") for rows in table.values() for words in rows)
+                summary.place, summary.above = place, called if below else ""
                 yield name, summary
             else:
                 yield name, Verbs(words=called, name=name, no_args_is_help=True, **settings)
-
-
-def _has_below(called: str, table: Table) -> bool:
-    return any(words.startswith(f"{called} ") for rows in table.values() for words in rows)

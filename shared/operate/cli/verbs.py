@@ -38,7 +38,7 @@ VERBS: Table = {
             "Show agents and channels, and the task and the plan's present state, on a live screen.",
         ),
         "doctor": (
-            ".fleet.doctor:doctor",
+            ".fleet.checkup:doctor",
             "Check machine, installation and fleet: what is wrong, why, and what to do.",
         ),
     },

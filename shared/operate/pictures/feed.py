@@ -126,7 +126,9 @@ class Feed:
         self._put(Said(judged), SAID_BYTES + len(judged.text) + len(judged.why) + len(judged.key))
 
     def close(self) -> None:
-        """End the child, in order where it follows, else by kill."""
+        """End the child, in order where it follows, else by kill. Once more changes nothing."""
+        if self._over.is_set():
+            return
         self._over.set()
         self._wake.send(b"!")
         child = self._child

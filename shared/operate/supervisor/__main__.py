@@ -17,11 +17,10 @@ from agent_runtime.io.options import AGENTS_VARIABLE, HOW_LINKED, LISTEN_VARIABL
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
 from agent_runtime.io.secured import ROUTER, links_file
 from operate.supervisor import folder, wiring
-from operate.supervisor.forking import FORKS_FILE, forking
-from operate.supervisor.keeping import KeptError, kept
+from operate.supervisor.folder import KeptError, kept
 from operate.supervisor.processes import Process
 from operate.supervisor.securing import DAYS, Keys
-from operate.supervisor.shell import Shell, end_left
+from operate.supervisor.shell import FORKS_FILE, Shell, end_left, forking
 from operate.system import NoSystemError, here
 from topdown.model.design import Design
 

@@ -22,7 +22,7 @@ from operate.recording.ends import Ends
 from operate.recording.records import Identity, Spoken
 from operate.run_folder import ProcessState
 from operate.supervisor import folder
-from operate.supervisor.keeping import KeptError, kept
+from operate.supervisor.folder import KeptError, kept
 from operate.supervisor.shell import Shell, end_left
 from operate.system import System, load
 from operate.wording import escaped, one_line
@@ -62,41 +62,32 @@ def foreground(system: System, run_dir: Path, connect: str, after_s: float | Non
     """
     try:
         with kept(run_dir):
-            return _kept(system, run_dir, connect, after_s, scene)
+            end_left(run_dir, system.processes, system.name)
+            folder.make(run_dir)
+            agents = {name: f"tcp/127.0.0.1:{free_port()}" for name in system.design.agents}
+            environment = os.environ | {
+                "ROCO_RUN_DIR": str(run_dir),
+                "ROCO_SYSTEM": system.name,
+                "ROCO_CONNECT": connect,
+                LISTEN_VARIABLE: "",
+                AGENTS_VARIABLE: ",".join(f"{name}={endpoint}" for name, endpoint in agents.items()),
+                "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
+                "PYTHONUNBUFFERED": "1",
+                "PYTHONSAFEPATH": "1",
+                **system.environment(run_dir),
+            }
+            shell = Shell(run_dir, system.processes, system.name, connect, environment, bound=system, agents=agents)
+            names = ", ".join(process.name for process in system.processes)
+            here = run_dir.relative_to(Path.cwd()) if run_dir.is_relative_to(Path.cwd()) else run_dir
+            print(f"{system.name}: {names}; files in {here}", flush=True)
+            watch = _Watch(shell, system, Options(connect=connect, system=system.name, run_dir=run_dir), after_s)
+            watch.start()
+            shell.serve()
+            watch.join()
+            return watch.status
     except KeptError as error:
         print(error, flush=True)
         return 1
-
-
-def _kept(system: System, run_dir: Path, connect: str, after_s: float | None, scene: str) -> int:
-    end_left(run_dir, system.processes, system.name)
-    folder.make(run_dir)
-    agents = {name: f"tcp/127.0.0.1:{free_port()}" for name in system.design.agents}
-    environment = _environment(system, run_dir, connect, agents, scene)
-    shell = Shell(run_dir, system.processes, system.name, connect, environment, bound=system, agents=agents)
-    names = ", ".join(process.name for process in system.processes)
-    here = run_dir.relative_to(Path.cwd()) if run_dir.is_relative_to(Path.cwd()) else run_dir
-    print(f"{system.name}: {names}; files in {here}", flush=True)
-    watch = _Watch(shell, system, Options(connect=connect, system=system.name, run_dir=run_dir), after_s)
-    watch.start()
-    shell.serve()
-    watch.join()
-    return watch.status
-
-
-def _environment(system: System, run_dir: Path, connect: str, agents: dict[str, str], scene: str) -> dict[str, str]:
-    """Settings that all processes share, besides the folder they are run in."""
-    return os.environ | {
-        "ROCO_RUN_DIR": str(run_dir),
-        "ROCO_SYSTEM": system.name,
-        "ROCO_CONNECT": connect,
-        LISTEN_VARIABLE: "",
-        AGENTS_VARIABLE: ",".join(f"{name}={endpoint}" for name, endpoint in agents.items()),
-        "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
-        "PYTHONUNBUFFERED": "1",
-        "PYTHONSAFEPATH": "1",
-        **system.environment(run_dir),
-    }
 
 
 class _Watch(threading.Thread):

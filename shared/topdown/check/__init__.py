@@ -5,7 +5,7 @@ parameters; recorded compares a run with the design. A fault is reported once: w
 from it is left out. No I/O.
 """
 
-from topdown.check import channels, machines, names, outcome, protocols, requirements
+from topdown.check import channels, machines, names, protocols, requirements
 from topdown.check.machines import reachable as reachable
 from topdown.model.design import Design
 from topdown.model.findings import Finding, located
@@ -13,7 +13,7 @@ from topdown.model.findings import Finding, located
 PARTS = (
     requirements.findings,
     requirements.step_findings,
-    outcome.findings,
+    requirements.outcome_findings,
     channels.findings,
     names.findings,
     protocols.findings,

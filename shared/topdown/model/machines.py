@@ -127,7 +127,7 @@ class Machine:
             for use in design.file.protocol
             if agent in (use.initiator, use.participant) and use.follows in design.tables
         }
-        read = _Reader(self, design)
+        read = _Rows(self, design)
         self.rows = tuple(
             read.row(number, row, onward)
             for number, row in enumerate(self.entry.row, start=1)
@@ -175,11 +175,35 @@ def machines(design: Design) -> dict[str, Machine]:
 _CAUSE = re.compile(r"(late|back|own|person) (\S+)|restart")
 
 
-class _Reader:
-    """Reads the words of rows; every error names agent and row, and what there is."""
+class Words:
+    """Reads words of a design that name something else of it; every error names where, and what there is."""
 
+    def __init__(self, design: Design, where: str = "") -> None:
+        self.file, self.where = design.path or "design.toml", where
+
+    def among(self, kind: str, name: str, known: Collection[str]) -> None:
+        """Raises DesignError where nothing of this kind has the name."""
+        if name not in known:
+            raise self.error(f"no {kind} {name!r}", f"there are {', '.join(sorted(known)) or 'none'}")
+
+    def said(self, text: str, uses: Collection[str], kind: str = "protocol") -> Said:
+        """An act in one of these uses."""
+        use, _, word = text.partition(" ")
+        self.among(kind, use, uses)
+        try:
+            return Said(use, *act_word(word))
+        except ValueError as error:
+            raise self.error(f"{text!r}: {error}", 'write "USE act" or "USE act[kind]"') from error
+
+    def error(self, wrong: str, right: str) -> DesignError:
+        """What is wrong here."""
+        return DesignError(self.file, None, self.where, wrong, right)
+
+
+class _Rows(Words):
     def __init__(self, machine: Machine, design: Design) -> None:
-        self.machine, self.file, self.where = machine, design.path or "design.toml", ""
+        super().__init__(design)
+        self.machine = machine
         uses = machine.uses.values()
         self.agents = design.agents.keys()
         self.volatile = {use.name for use in uses if not use.durable}
@@ -191,28 +215,28 @@ class _Reader:
         if not row.then:
             return (elements.Onward(),)
         choices = {choice.name: choice.ways for choice in self.machine.entry.choice}
-        self._among("choice", row.then, choices.keys())
+        self.among("choice", row.then, choices.keys())
         return choices[row.then]
 
     def row(self, number: int, row: elements.Row, onward: elements.Onward) -> Row:
         self.where = f"agent {self.machine.agent}, row {number}"
         states, to = {state.name for state in self.machine.entry.state}, onward.to or row.to
         for state in (*row.in_, *((to,) if to else ())):
-            self._among("state", state, states)
+            self.among("state", state, states)
         for use in row.drop:
-            self._among("volatile protocol to drop", use, self.volatile)
+            self.among("volatile protocol to drop", use, self.volatile)
         for use in row.owes:
-            self._among("latest protocol with a subscriber", use, self.observed)
+            self.among("latest protocol with a subscriber", use, self.observed)
         for use in row.waits:
-            self._among("protocol", use, self.machine.uses)
+            self.among("protocol", use, self.machine.uses)
         if row.moves:
-            self._among("protocol", row.moves, self.machine.uses)
+            self.among("protocol", row.moves, self.machine.uses)
         return Row(
             number,
             frozenset(row.in_),
             self.event(row.on),
-            tuple(map(self.said, (*row.say, *onward.say))),
-            tuple(map(self.said, row.may)),
+            tuple(self.said(text, self.machine.uses) for text in (*row.say, *onward.say)),
+            tuple(self.said(text, self.machine.uses) for text in row.may),
             row.drop,
             tuple(map(self.guard, (*row.when, *onward.when))),
             row.owes,
@@ -225,33 +249,18 @@ class _Reader:
     def event(self, text: str) -> Event:
         match = _CAUSE.fullmatch(text)
         if match is None:
-            return Event(Cause.TAKE, *self.said(text))
+            return Event(Cause.TAKE, *self.said(text, self.machine.uses))
         if match[1] == Cause.LATE:
-            self._among("protocol", match[2], self.machine.uses)
+            self.among("protocol", match[2], self.machine.uses)
         if match[1] == Cause.BACK:
-            self._among("agent", match[2], self.agents)
+            self.among("agent", match[2], self.agents)
         return Event(Cause(match[1] or "restart"), match[2] or "")
-
-    def said(self, text: str) -> Said:
-        use, _, word = text.partition(" ")
-        self._among("protocol", use, self.machine.uses)
-        try:
-            return Said(use, *act_word(word))
-        except ValueError as error:
-            raise self._error(f"{text!r}: {error}", 'write "USE act" or "USE act[kind]"') from error
 
     def guard(self, text: str) -> Guard:
         use, _, words = text.partition(" ")
-        self._among("protocol", use, self.machine.uses)
+        self.among("protocol", use, self.machine.uses)
         table = self.machine.uses[use].protocol.tables[self.machine.uses[use].role]
         known = {*map(str, table.states), NONE, *WORDS}
         for word in words.split("|"):
-            self._among(f"state of {use}", word, known)
+            self.among(f"state of {use}", word, known)
         return Guard(use, frozenset(words.split("|")))
-
-    def _among(self, kind: str, name: str, known: Collection[str]) -> None:
-        if name not in known:
-            raise self._error(f"no {kind} {name!r}", f"there are {', '.join(sorted(known)) or 'none'}")
-
-    def _error(self, wrong: str, right: str) -> DesignError:
-        return DesignError(self.file, None, self.where, wrong, right)

@@ -1,6 +1,7 @@
 """Makes the synthetic run of tests/operate importable (tests have no packages)."""
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,12 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "operate"))
 from synthetic import Run, pour
 
 from companion.tools import asking
+from companion.tools.system import SYSTEM
+from operate.recording import run
 from services.knowledge import asked
+
+_open = run.opened
+_opened = cache(lambda place: _open(place, SYSTEM))
 
 
 @pytest.fixture
@@ -18,6 +24,7 @@ def answered_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Questions are answered in this process."""
     monkeypatch.setattr(asked, "bound", lambda seconds: None)
     monkeypatch.setattr(asking, "answered", asked.answer)
+    monkeypatch.setattr(run, "opened", lambda place, system=None: _opened(place))
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,7 @@ from companion.tools.verbs import pour_run
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.watch import Watch
 from operate.run_folder import FLEET_FILE, LIVE_FILE, AgentIn, Fleet, ProcessState, ProcessStatus
-from operate.supervisor import keeping
+from operate.supervisor import folder
 
 RESTS = {"ta": "idle", "ex": "idle"}
 
@@ -45,7 +45,7 @@ def beats(run: Path, agent: str, state: str, later_s: float = 60.0) -> None:
 @contextmanager
 def runs(run: Path, process: ProcessStatus) -> Iterator[None]:
     """Be the supervisor of a fleet of one process."""
-    with keeping.kept(run):
+    with folder.kept(run):
         told = Fleet("roco", "", os.getpid(), time.time(), (process,))
         (run / FLEET_FILE).write_bytes(msgspec.json.encode(told))
         yield

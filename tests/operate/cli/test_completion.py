@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from companion.design import DESIGN
 from companion.tools.verbs.table import VERBS as OWN
 from operate.cli import lazy
+from operate.cli.__main__ import app
 from operate.cli.verbs import GROUP, VERBS, merged
 
 ROOT = Path(__file__).parents[3]
@@ -104,70 +106,90 @@ def test_no_parameter_is_of_a_kind_that_would_pass_unseen() -> None:
     assert not {"str", "int", "float", "int range", "float range"} & {*CHOICES, *PATHS}
 
 
-def asked(words: str, folder: Path) -> list[str]:
-    """Return the completions that a shell gets in this folder."""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
-    environment |= {
+def shell(words: str) -> dict[str, str]:
+    """The variables by which a shell asks."""
+    return {
         "_ROCO_COMPLETE": "complete_bash",
         "COMP_WORDS": words,
         "COMP_CWORD": str(len(words.split(" ")) - 1),
         "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1",
     }
-    code = "from operate.cli.__main__ import app; app(prog_name='roco')"
-    done = subprocess.run([sys.executable, "-c", code], env=environment, cwd=folder, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+
+
+def asked(words: str) -> list[str]:
+    """The completions that a shell gets in this folder."""
+    done = CliRunner().invoke(app, [], env=shell(words), prog_name="roco")
+    assert (done.exit_code, done.stderr) == (0, ""), done.output
     return done.stdout.split()
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with two runs, the newer one a recorded pour."""
-    made = tmp_path_factory.mktemp("completed")
-    (made / "runs").mkdir()
-    (made / "runs" / "2026-01-01").mkdir()
-    (made / "runs" / "2026-01-02").symlink_to(POUR)
-    return made
+NAMES: list[tuple[str, list[str]]] = [
+    ("ag", ["agents", "agent"]),
+    ("agent sta", ["start"]),
+    ("agents k", ["km"]),
+    ("status --run-dir ", ["runs/2026-01-02", "runs/2026-01-01"]),
+    ("traffic echo --channel C", list(DESIGN.channels)),
+    ("traffic echo --run runs/2026-01-0", ["runs/2026-01-02", "runs/2026-01-01"]),
+    ("traffic echo --protocol q", ["query"]),
+    ("sniff --performative inform-", ["inform-if", "inform-ref"]),
+    ("send --as p", ["pl"]),
+    ("send --language R", ["RC", "RS"]),
+    ("agents --ontology ", ["RoCo"]),
+    ("replay runs/x --only ch", ["channel="]),
+    ("replay runs/x --only agent=pl,k", ["agent=pl,km"]),
+    ("up --only router,mo", ["router,monitor"]),
+    ("runs --failed 2026-01-01", ["2026-01-01"]),
+    ("fault h", ["hang", "heal"]),
+    ("fault se", ["sensor"]),
+    ("record in", ["info"]),
+    ("design export --pair ta-", ["-".join(one.ends) for one in DESIGN.channels.values() if one.ends[0] == "ta"]),
+    ("design verify --layer ", ["1", "2", "3"]),
+    ("param pl a", ["attempts"]),
+    ("param pl log-level w", ["warning"]),
+    ("fault kill pl --at ta:su", ["ta:surveying"]),
+    ("param pl attempts ", [str(DESIGN.agents["pl"].parameter[0].default)]),
+    ("design show --what req", ["requirements"]),
+    ("conversation --run runs/2026-01-02 ta-1-2", ["ta-1-2", "ta-1-24"]),
+    ("protocol co", ["coordinate"]),
+    ("protocol fipa-re", ["fipa-recruiting", "fipa-request", "fipa-request-when"]),
+    (f"design show {DEPOT} --agent m", ["mule"]),
+    (f"design export {DEPOT} --use tender_", ["tender_mule", "tender_ox"]),
+]
+"""What is typed behind `roco`, and what a shell offers then."""
 
 
-@pytest.mark.process
-@pytest.mark.parametrize(
-    ("words", "names"),
-    [
-        ("traffic echo --channel C", list(DESIGN.channels)),
-        ("traffic echo --run runs/2026-01-0", ["runs/2026-01-02", "runs/2026-01-01"]),
-        ("traffic echo --protocol q", ["query"]),
-        ("sniff --performative inform-", ["inform-if", "inform-ref"]),
-        ("send --as p", ["pl"]),
-        ("send --language R", ["RC", "RS"]),
-        ("agents --ontology ", ["RoCo"]),
-        ("replay runs/x --only ch", ["channel="]),
-        ("replay runs/x --only agent=pl,k", ["agent=pl,km"]),
-        ("up --only router,mo", ["router,monitor"]),
-        ("runs --failed 2026-01-01", ["2026-01-01"]),
-        ("fault h", ["hang", "heal"]),
-        ("fault se", ["sensor"]),
-        ("record in", ["info"]),
-        ("design export --pair ta-", ["-".join(one.ends) for one in DESIGN.channels.values() if one.ends[0] == "ta"]),
-        ("design verify --layer ", ["1", "2", "3"]),
-        ("param pl a", ["attempts"]),
-        ("param pl log-level w", ["warning"]),
-        ("fault kill pl --at ta:su", ["ta:surveying"]),
-        ("param pl attempts ", [str(DESIGN.agents["pl"].parameter[0].default)]),
-        ("design show --what req", ["requirements"]),
-        ("conversation --run runs/2026-01-02 ta-1-2", ["ta-1-2", "ta-1-24"]),
-        ("protocol co", ["coordinate"]),
-        ("protocol fipa-re", ["fipa-recruiting", "fipa-request", "fipa-request-when"]),
-        (f"design show {DEPOT} --agent m", ["mule"]),
-        (f"design export {DEPOT} --use tender_", ["tender_mule", "tender_ox"]),
-    ],
-)
-def test_a_shell_is_answered_with_what_there_is(folder: Path, words: str, names: list[str]) -> None:
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to be in, with two runs, the newer one a recorded pour."""
+    monkeypatch.chdir(tmp_path)
+    for name in [name for name in os.environ if name.startswith("ROCO_")]:
+        monkeypatch.delenv(name)
+    (tmp_path / "runs" / "2026-01-01").mkdir(parents=True)
+    (tmp_path / "runs" / "2026-01-02").symlink_to(POUR)
+    return tmp_path
+
+
+def test_a_shell_is_answered_with_what_there_is(folder: Path) -> None:
     """Of the system here, or of the design file or the run that is named before."""
-    assert asked(f"roco {words}", folder) == names
+    wrong = [(words, told) for words, names in NAMES if (told := asked(f"roco {words}")) != names]
+    assert wrong == []
+
+
+def test_in_a_folder_without_a_system_nothing_is_invented(folder: Path) -> None:
+    """A design file that cannot be read gives no names, and no traceback."""
+    (folder / "design.toml").write_text("nonsense")
+    assert asked("roco design show design.toml --agent ") == []
 
 
 @pytest.mark.process
-def test_in_a_folder_without_a_system_nothing_is_invented(tmp_path: Path) -> None:
-    """A design file that cannot be read gives no names, and no traceback."""
-    (tmp_path / "design.toml").write_text("nonsense")
-    assert asked("roco design show design.toml --agent ", tmp_path) == []
+def test_the_command_itself_completes(folder: Path) -> None:
+    """In a process of its own, as a shell calls it."""
+    code = "from operate.cli.__main__ import app; app(prog_name='roco')"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | shell("roco send --as p"),
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert (done.returncode, done.stdout.split()) == (0, ["pl"]), done.stderr

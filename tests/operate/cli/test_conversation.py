@@ -1,5 +1,6 @@
 """`roco conversation`: listed with filters, drawn as a sequence of arrows, of a run that ended or goes on."""
 
+from itertools import product
 from pathlib import Path
 
 import msgspec
@@ -89,15 +90,15 @@ def test_a_conversation_is_drawn(run_dir: Path) -> None:
     assert "done" in text
 
 
-@pytest.mark.parametrize("columns", [60, 80, 120, 200])
-@pytest.mark.parametrize("name", ["hi-1-1", "km-1-1", "co-1-2"])
-def test_a_drawing_fits_the_terminal(run_dir: Path, name: str, columns: int) -> None:
+def test_a_drawing_fits_the_terminal(run_dir: Path) -> None:
     """No line is wider, and both lifelines stand in the same columns throughout."""
-    [one] = [one for one in conversation.conversations(told(run_dir), DESIGN) if one.id == name]
-    lines = sequence.drawn(one.said, one.initiator, one.participant, columns).plain.splitlines()
-    assert max(map(cell_len, lines)) <= columns
-    columns = [[at for at, letter in enumerate(line) if letter in "│├┤"] for line in lines[1:]]
-    assert len({(found[0], found[-1]) for found in columns}) == 1
+    found = {one.id: one for one in conversation.conversations(told(run_dir), DESIGN)}
+    for name, width in product(("hi-1-1", "km-1-1", "co-1-2"), (60, 80, 120, 200)):
+        one = found[name]
+        lines = sequence.drawn(one.said, one.initiator, one.participant, width).plain.splitlines()
+        assert max(map(cell_len, lines)) <= width
+        columns = [[at for at, letter in enumerate(line) if letter in "│├┤"] for line in lines[1:]]
+        assert len({(places[0], places[-1]) for places in columns}) == 1
 
 
 def test_what_is_wrong_is_marked_with_its_reason() -> None:

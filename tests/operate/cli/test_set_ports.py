@@ -19,9 +19,9 @@ from companion.tools.verbs.checkup import CHECKS
 from operate.cli.errors import NoRunError
 from operate.cli.fleet import view
 from operate.cli.fleet.checkup import Level, pictures
-from operate.cli.fleet.fleet_state import state_of
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, SWITCH, WEB
+from operate.cli.fleet.status import state_of
 from operate.cli.runs import folders
 from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
 

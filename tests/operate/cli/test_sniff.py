@@ -58,6 +58,8 @@ def test_an_arrow_goes_from_the_sender_to_the_receiver(one: str, other: str, gap
     assert (cells.count("▶"), cells.count("◀")) == ((1, 0) if forth else (0, 1))
     outside = [at for at in columns.at.values() if not low <= at <= high]
     assert [cells[at] for at in outside] == ["│"] * len(outside)
+    assert cells[low:high].count(" ") <= 2  # around the act
+    assert not [at for at in columns.at.values() if low < at < high and cells[at] == "─"]
     assert len(cells) == columns.width
     assert act[:4] in cells
 

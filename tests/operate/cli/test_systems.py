@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 
 from operate.cli import completion
 from operate.cli.__main__ import app
-from operate.cli.fleet import living_names
+from operate.cli.fleet import targets
 from operate.cli.runs import folders
 from operate.cli.verbs import merged
 
@@ -75,7 +75,7 @@ def test_help_and_completion_need_no_system(project: str, request: pytest.Fixtur
     context = typer.Context(click.Command("roco"))
     for names in (completion.agents, completion.channels, completion.protocols):
         assert names(context, "") == []
-    assert living_names.processes(context, "") == []
+    assert targets.processes(context, "") == []
     done = roco("say", "pour", "--format", "json")
     assert done.exit_code == 2
     assert "no system here that could add one" in json.loads(done.stderr)["error"]

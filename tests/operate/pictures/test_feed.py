@@ -8,8 +8,8 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import msgspec
@@ -50,10 +50,6 @@ COPIES = (
 """Takes the viewer, and writes what it is fed to a file."""
 
 
-def quiet(event: str, **fields: object) -> None:
-    """Nobody listens."""
-
-
 def eventually(look: object, within_s: float = 20.0) -> bool:
     """Whether `look()` is true before long."""
     end = time.monotonic() + within_s
@@ -86,6 +82,24 @@ def look(place: Place) -> Iterator[None]:
         thread.start()
         yield
         thread.join()
+
+
+Begin = Callable[[tuple[str, ...]], tuple[Feed, list[str]]]
+
+
+@pytest.fixture
+def begin(tmp_path: Path, place: Place, monkeypatch: pytest.MonkeyPatch) -> Iterator[Begin]:
+    """Begins a feed of a child with this command, and keeps what it says of it. Pauses are short."""
+    monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.02)
+    monkeypatch.setattr(feeding, "LONGEST_PAUSE_S", 0.05)
+    with ExitStack() as stack:
+
+        def feed(command: tuple[str, ...]) -> tuple[Feed, list[str]]:
+            said: list[str] = []
+            begun = Feed(tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=command)
+            return stack.enter_context(closing(begun)), said
+
+        yield feed
 
 
 def heard(data: bytes) -> wire.Heard:
@@ -144,30 +158,28 @@ def test_something_else_than_frames_is_said() -> None:
 
 
 @pytest.mark.usefixtures("look")
-def test_a_child_that_reads_nothing_holds_nobody(tmp_path: Path, place: Place) -> None:
+def test_a_child_that_reads_nothing_holds_nobody(begin: Begin) -> None:
     """300 MB are fed to it: no call waits, memory stays within queue and batch, the rest is counted as dropped."""
     sample = Sample("roco/x", os.urandom(100_000), 1.0)
-    feed = Feed(tmp_path, place, SYSTEM, quiet, command=READS_NOTHING)
-    try:
-        assert eventually(lambda: feed.pid)
-        before, longest = _rss(), 0.0
-        for _ in range(3000):
-            begin = time.thread_time()
-            feed.heard(sample)
-            longest = max(longest, time.thread_time() - begin)
-        assert feed.dropped > 2500
-        assert _rss() - before < feeding.QUEUE_BYTES + 4 * feeding.BATCH_BYTES + 8e6
-        assert longest < 0.02
-    finally:
-        feed.close()
+    feed, _ = begin(READS_NOTHING)
+    assert eventually(lambda: feed.pid)
+    before, longest = _rss(), 0.0
+    for _ in range(3000):
+        start = time.thread_time()
+        feed.heard(sample)
+        longest = max(longest, time.thread_time() - start)
+    assert feed.dropped > 2500
+    assert _rss() - before < feeding.QUEUE_BYTES + 4 * feeding.BATCH_BYTES + 8e6
+    assert longest < 0.02
+    feed.close()
     assert not feed.pid
 
 
 @pytest.mark.usefixtures("look")
-def test_a_child_that_does_not_follow_is_killed(tmp_path: Path, place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_child_that_does_not_follow_is_killed(tmp_path: Path, begin: Begin, monkeypatch: pytest.MonkeyPatch) -> None:
     """It ignores SIGTERM and is frozen besides; the end comes in time."""
     monkeypatch.setattr(feeding, "END_S", 0.5)
-    feed = Feed(tmp_path, place, SYSTEM, quiet, command=DEAF)
+    feed, _ = begin(DEAF)
     assert eventually(lambda: (tmp_path / "rerun.log").exists() and "deaf" in (tmp_path / "rerun.log").read_text())
     pid = feed.pid
     os.kill(pid, signal.SIGSTOP)
@@ -176,76 +188,53 @@ def test_a_child_that_does_not_follow_is_killed(tmp_path: Path, place: Place, mo
 
 
 @pytest.mark.usefixtures("look")
-def test_a_child_that_dies_is_started_anew_and_said(
-    tmp_path: Path, place: Place, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_child_that_dies_is_started_anew_and_said(begin: Begin) -> None:
     """After a pause, again and again, as long as a viewer waits."""
-    monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.02)
-    monkeypatch.setattr(feeding, "LONGEST_PAUSE_S", 0.05)
-    said: list[str] = []
-    feed = Feed(tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=DIES)
-    try:
-        assert eventually(lambda: said.count("showing") > 2)
-        assert "no pictures for now" in said
-    finally:
-        feed.close()
+    _, said = begin(DIES)
+    assert eventually(lambda: said.count("showing") > 2)
+    assert "no pictures for now" in said
 
 
 @pytest.mark.usefixtures("look")
-def test_where_nobody_looks_any_more_it_waits_for_the_next_viewer(
-    tmp_path: Path, place: Place, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_nobody_looks_any_more_it_waits_for_the_next_viewer(begin: Begin, place: Place) -> None:
     """A child that ends in order is no failure, though more was fed to it meanwhile."""
-    monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.02)
-    said: list[str] = []
-    feed = Feed(tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=LEAVES)
-    try:
-        for times in (1, 2):
-            assert eventually(lambda: feed.heard(Sample("k", b"d", 1.0)) or said.count("nobody looks") == times)  # noqa: B023
-            assert said == ["showing", "nobody looks"] * times
-            with socket.create_connection((place.bind, place.grpc)):
-                pass
-    finally:
-        feed.close()
+    feed, said = begin(LEAVES)
+    for times in (1, 2):
+        assert eventually(lambda: feed.heard(Sample("k", b"d", 1.0)) or said.count("nobody looks") == times)  # noqa: B023
+        assert said == ["showing", "nobody looks"] * times
+        with socket.create_connection((place.bind, place.grpc)):
+            pass
 
 
 @pytest.mark.usefixtures("look")
-def test_a_program_that_is_not_there_holds_nobody(tmp_path: Path, place: Place) -> None:
+def test_a_program_that_is_not_there_holds_nobody(begin: Begin) -> None:
     """It is said, and feeding goes on."""
-    said: list[str] = []
-    feed = Feed(tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=("/nowhere/at/all",))
+    feed, said = begin(("/nowhere/at/all",))
     assert eventually(lambda: "no pictures for now" in said)
     feed.heard(Sample("k", b"d", 1.0))
-    feed.close()
 
 
-def test_nothing_is_drawn_before_somebody_looks(tmp_path: Path, place: Place) -> None:
+def test_nothing_is_drawn_before_somebody_looks(tmp_path: Path, begin: Begin, place: Place) -> None:
     """The ports are open and told, no child runs, and of what is fed only the last seconds are kept."""
-    said: list[str] = []
-    feed = Feed(tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=READS_NOTHING)
-    try:
-        assert eventually((tmp_path / VIEW_FILE).exists)
-        for _ in range(100):
-            feed.heard(Sample("roco/x", b"", 1.0))
-        feed._queue.forget(0.0)
-        assert (feed.pid, feed.dropped, feed._queue.bytes, said) == (0, 0, 0, [])
-        with socket.create_connection((place.bind, place.web)):
-            assert eventually(lambda: feed.pid)
-    finally:
-        feed.close()
+    feed, said = begin(READS_NOTHING)
+    assert eventually((tmp_path / VIEW_FILE).exists)
+    for _ in range(100):
+        feed.heard(Sample("roco/x", b"", 1.0))
+    feed._queue.forget(0.0)
+    assert (feed.pid, feed.dropped, feed._queue.bytes, said) == (0, 0, 0, [])
+    with socket.create_connection((place.bind, place.web)):
+        assert eventually(lambda: feed.pid)
+    feed.close()
     with socket.socket() as probe:
         assert probe.connect_ex((place.bind, place.grpc)) != 0
 
 
 def test_each_sample_is_in_the_recording_or_fed(
-    tmp_path: Path, place: Place, pouring: Run, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, begin: Begin, place: Place, pouring: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whenever somebody looks: each is drawn once, from the one or the other; also one that was logged late."""
     monkeypatch.setattr(feeding, "RECENT_S", 0.0)
-    feed, recorder = (
-        Feed(tmp_path, place, SYSTEM, quiet, command=(*COPIES, str(tmp_path / "fed"))),
-        Recorder(tmp_path, SYSTEM),
-    )
+    (feed, _), recorder = begin((*COPIES, str(tmp_path / "fed"))), Recorder(tmp_path, SYSTEM)
     recorder.show(feed)
     samples, half = list(pouring.samples), len(pouring.samples) // 2
     late = samples.pop(next(k for k in range(half - 1, 0, -1) if spoken([samples[k]])))

@@ -14,9 +14,8 @@ from agent_runtime.io.forked import FORKS_VARIABLE
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from operate.run_folder import ProcessState
 from operate.supervisor import core, folder
-from operate.supervisor.forking import FORKS, FORKS_FILE, forking
 from operate.supervisor.processes import Process, around
-from operate.supervisor.shell import Shell
+from operate.supervisor.shell import FORKS, FORKS_FILE, Shell, forking
 
 TABLE = (
     *around(),

@@ -17,8 +17,8 @@ from agent_runtime.io.issuing import issue
 from companion.design import DESIGN
 from operate.cli.runs import folders
 from operate.run_folder import LOCK_FILE, ProcessState
-from operate.supervisor.forking import FORKS
-from operate.supervisor.keeping import KeptError, kept
+from operate.supervisor.folder import KeptError, kept
+from operate.supervisor.shell import FORKS
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]
 

@@ -1,66 +1,71 @@
-"""`python -m services.supervisor` looks at what it is given before it starts anything."""
+"""`python -m operate.supervisor` looks at what it is given before it starts anything."""
 
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import typer
+from typer.testing import CliRunner, Result
 
+from companion.tools.system import SYSTEM
 from operate.supervisor import folder
-
-pytestmark = pytest.mark.process
+from operate.supervisor.__main__ import main
+from operate.system import ENTRY_VARIABLE
 
 FAR_AWAY = 'name = "far"\n[[thing]]\nid = "jar_1"\nmodel = "jar"\nxyz = [100.0, 0.0, 0.0]\n'
-
-
-def supervisor(run: Path, *words: str) -> "subprocess.CompletedProcess[str]":
-    """Call it, and wait for its end; one that starts a fleet after all is ended in order."""
-    command = [sys.executable, "-m", "services.supervisor", "--run-dir", str(run), *words]
-    with subprocess.Popen(command, cwd=run.parent, stderr=subprocess.PIPE, text=True) as process:
-        try:
-            _, said = process.communicate(timeout=20)
-        except subprocess.TimeoutExpired:
-            process.terminate()
-            _, said = process.communicate()
-    return subprocess.CompletedProcess(command, process.returncode, "", said)
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("--seed", "-1"), "-1 is not in the range"),
-        (("--scene", "far.toml"), "supervisor: scene: thing jar_1 (far.toml:"),
-        (("--scene", "nowhere.toml"), "nowhere.toml"),
-        (("--scene", "."), "directory"),
-        (("--only", "nobody"), "supervisor: no process is called nobody"),
-        (
-            ("--only", "pl,km"),
-            "supervisor: co, ta would be elsewhere; --agents tells",
-        ),
-        (
-            ("--only", "router,pl,km", "--agents", "co=tls/desk:1"),
-            "supervisor: ta would be elsewhere",
-        ),
-        (("--keys", "given"), "given has no rules of"),
-        (("--links", "unix", "--faults"), "--links unix goes with neither --agents nor --faults"),
-    ],
+WRONG = (
+    ("--seed -1", "-1 is not in the range"),
+    ("--scene far.toml", "supervisor: scene: thing jar_1 (far.toml:"),
+    ("--scene nowhere.toml", "nowhere.toml"),
+    ("--scene .", "directory"),
+    ("--only nobody", "supervisor: no process is called nobody"),
+    ("--only pl,km", "supervisor: co, ta would be elsewhere; --agents tells"),
+    ("--only router,pl,km --agents co=tls/desk:1", "supervisor: ta would be elsewhere"),
+    ("--keys given", "given has no rules of"),
+    ("--links unix --faults", "--links unix goes with neither --agents nor --faults"),
 )
-def test_what_cannot_be_ends_it_before_anything_starts(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+"""Words that cannot be, and what is said of them."""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to be in, with a scene that cannot be."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(ENTRY_VARIABLE, SYSTEM.entry)
+    (tmp_path / "far.toml").write_text(FAR_AWAY)
+    return tmp_path
+
+
+def supervisor(*words: str) -> Result:
+    """Call it, to look alone."""
+    command = typer.Typer()
+    command.command()(main)
+    return CliRunner().invoke(command, ["--run-dir", "run", "--check", *words])
+
+
+def test_what_cannot_be_ends_it_before_anything_starts(here: Path) -> None:
     """Exit code 2 and a sentence; the run's folder is not even made."""
-    (tmp_path / "far.toml").write_text(FAR_AWAY)
-    done = supervisor(tmp_path / "run", *words)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "run").exists()
+    for words, said in WRONG:
+        done = supervisor(*words.split())
+        assert (done.exit_code, said in done.stderr) == (2, True), (words, done.stderr)
+    assert not (here / "run").exists()
 
 
-def test_a_look_alone_starts_nothing(tmp_path: Path) -> None:
+@pytest.mark.process
+def test_the_program_itself_ends_so(here: Path) -> None:
+    """As a container starts it, and without --check."""
+    command = [sys.executable, "-m", "services.supervisor", "--run-dir", "run", "--only", "nobody"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=30)
+    assert (done.returncode, done.stderr.partition(" nobody")[0]) == (2, "supervisor: no process is called")
+    assert not (here / "run").exists()
+
+
+def test_a_look_alone_starts_nothing(here: Path) -> None:
     """A scene is of no interest where no loop runs."""
-    (tmp_path / "far.toml").write_text(FAR_AWAY)
-    assert supervisor(tmp_path / "run", "--check", "--seed", "7").returncode == 0
-    assert supervisor(tmp_path / "run", "--check", "--scene", "far.toml", "--only", "router,km").returncode == 0
-    assert not (tmp_path / "run").exists()
+    assert supervisor("--seed", "7").exit_code == 0
+    assert supervisor("--scene", "far.toml", "--only", "router,km").exit_code == 0
+    assert not (here / "run").exists()
 
 
 def test_latest_is_moved_only_where_it_may_be(tmp_path: Path) -> None:

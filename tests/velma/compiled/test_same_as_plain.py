@@ -13,7 +13,7 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from velma import compiled, names
-from velma.control import cartesian, grip, law
+from velma.control import cartesian, grip
 from velma.control.cartesian import CartesianImpedance, task_damping
 from velma.control.dynamics import Dynamics
 from velma.control.grip import Wrists
@@ -110,33 +110,6 @@ def test_times_of_steps_are_the_same(seed, side, tool_speed):
 
 
 @MANY
-@given(seeds, sides, st.sampled_from([0.0, 0.3]))
-def test_comfortable_postures_are_the_same(seed, side, far):
-    """Of ten targets, in the same order; the other arm keeps its joints."""
-    for q in postures(seed, 10):
-        target, torso = PLAIN.grip(q, side), tuple(q[0] + np.array([-far, far]))
-        ours = ik.postures(ROBOT, side, target, q, np.random.default_rng(seed), torso=torso)
-        plain = PLAIN_ARMS[side].postures(target, *drawn(np.random.default_rng(seed), torso))[0]
-        ends = [one for one in plain if ik.comfortable(ROBOT, whole(q, side, one), side)]
-        assert len(ours) == len(ends)
-        for found, one in zip(ours, ends, strict=True):
-            turns = np.angle(np.exp(1j * (found - whole(q, side, one))))
-            np.testing.assert_allclose(turns, 0.0, atol=1e-9)
-
-
-def drawn(rng: np.random.Generator, torso: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """The torsos and elbows that `ik.postures` draws."""
-    return rng.uniform(*torso, 24), rng.uniform(-np.pi, np.pi, 24)
-
-
-def whole(q: np.ndarray, side: str, joints: np.ndarray) -> np.ndarray:
-    """The posture (15,) with torso + arm (8,), else as q."""
-    found = q.copy()
-    found[names.COLUMNS[side]] = joints
-    return found
-
-
-@MANY
 @given(seeds, st.integers(1, 4), st.sampled_from([1e-4, 0.02, 0.5]))
 def test_path_speeds_are_the_same(seed, corners, size):
     """To the last bit, for paths that stand still in some joints and turn back in others."""
@@ -188,11 +161,18 @@ def test_lines_are_the_same(seed, side, far):
     np.testing.assert_allclose(ours, theirs, atol=1e-6)
 
 
-def closed_forms(side: str, target: Any, torso: np.ndarray, swivel: np.ndarray) -> int:
-    """Compare both closed forms; return how many postures they have."""
-    ours, pair = ARMS[side].postures(target, torso, swivel)
-    theirs, expected = PLAIN_ARMS[side].postures(target, torso, swivel)
-    np.testing.assert_array_equal(pair, expected)
+ANYWHERE = np.full(7, -9.0), np.full(7, 9.0), 0.0, 99.0, 9.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+
+
+def closed_forms(side: str, target: Any, torso: np.ndarray, swivel: np.ndarray, wanted: Any = None) -> int:
+    """Compare both closed forms, of all postures or those in which a motion may end; return how many there are."""
+    q, columns = postures(0, 1)[0], names.COLUMNS[side]
+    ours = ARMS[side].comfortable(target, torso, swivel, wanted or ik.Wanted(*ANYWHERE, int(columns[1])), q)
+    theirs = np.tile(q, (8 * len(torso), 1))[: len(found := PLAIN_ARMS[side].postures(target, torso, swivel))]
+    theirs[:, columns] = found
+    if wanted is not None:
+        theirs = theirs[[ik.comfortable(ROBOT, one, side) for one in theirs]]
+    assert len(ours) == len(theirs)
     turns = np.angle(np.exp(1j * (ours - theirs)))  # half a turn has two signs
     np.testing.assert_allclose(turns, 0.0, atol=1e-9)
     return len(ours)
@@ -201,12 +181,13 @@ def closed_forms(side: str, target: Any, torso: np.ndarray, swivel: np.ndarray) 
 @MANY
 @given(seeds, sides, st.sampled_from([0.0, 0.3, 3.0]))
 def test_closed_forms_are_the_same(seed, side, far):
-    """Of ten targets, with torsos like that of a posture there and others: in the same order, of the same pairs."""
+    """Of four targets, with torsos as in a posture there and others: all, and those in which a motion may end."""
     rng = np.random.default_rng(seed)
-    counts = [
-        closed_forms(side, PLAIN.grip(q, side), q[0] + rng.normal(0.0, far, 24), rng.uniform(-np.pi, np.pi, 24))
-        for q in postures(seed, 10)
-    ]
+    counts = []
+    for q in postures(seed, 4):
+        pairs = PLAIN.grip(q, side), q[0] + rng.normal(0.0, far, 24), rng.uniform(-np.pi, np.pi, 24)
+        counts.append(closed_forms(side, *pairs))
+        closed_forms(side, *pairs, ik._wanted(ROBOT, side))
     assert far > 0.0 or sum(counts) > 0
 
 
@@ -398,7 +379,7 @@ def test_boxes_have_the_verdict_of_coal(seed, turned, margin):
 @given(seeds, st.booleans())
 def test_torques_are_the_same(seed, some_weight):
     """At any posture, for any errors, over the cycles between two damping designs, to rounding of the inverses."""
-    rng, ours, theirs = np.random.default_rng(seed), CartesianImpedance(), without(law, CartesianImpedance)
+    rng, ours, theirs = np.random.default_rng(seed), CartesianImpedance(), without(cartesian, CartesianImpedance)
     assert (ours._law is None, theirs._law is None) == (False, True)
     for q in postures(seed, 6):
         terms = DYNAMICS.terms(q)
@@ -460,6 +441,6 @@ def test_wrists_feel_the_same(seed, cycles, restarts):
 def test_a_mass_that_is_none_is_an_error_in_both():
     """Of the same type: the loop brakes then."""
     terms = msgspec.structs.replace(DYNAMICS.terms(np.array(names.START)), mass=np.zeros((15, 15)))
-    for one in (CartesianImpedance(), without(law, CartesianImpedance)):
+    for one in (CartesianImpedance(), without(cartesian, CartesianImpedance)):
         with pytest.raises(np.linalg.LinAlgError):
             one.torque(terms, np.zeros(12), np.zeros(15), np.zeros(15), np.zeros(12))

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from velma.eyes.disturbed import disturbed
-from velma.eyes.shown import smaller
+from velma.eyes.pictures import disturbed, smaller
 
 GREY = np.full((200, 300, 3), 120, np.uint8)
 

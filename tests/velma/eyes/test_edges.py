@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from velma.eyes import bits
+from velma.eyes import detect
 from velma.eyes.detect import Detector, refined
 
 SIZE, FINE = 160, 8  # the picture and how many samples a pixel has each way
@@ -14,7 +14,7 @@ SIZE, FINE = 160, 8  # the picture and how many samples a pixel has each way
 
 def drawn(corners: np.ndarray, number: int, low: float, high: float) -> np.ndarray:
     """A picture (SIZE, SIZE) of a marker's plate on a dark ground, each pixel the mean of FINE x FINE samples."""
-    plate = bits.plate(number, 12).astype(np.float32)
+    plate = detect.plate(number, 12).astype(np.float32)
     side = plate.shape[0]
     inner = np.array([(side / 8, side / 8), (7 * side / 8, side / 8), (7 * side / 8,) * 2, (side / 8, 7 * side / 8)])
     # Pixel k has its centre at k; its samples fill k - 0.5 to k + 0.5.

@@ -9,9 +9,9 @@ import pytest
 
 from companion.skills.motions import aim
 from velma import names
-from velma.eyes.disturbed import disturbed
 from velma.eyes.fit import View
 from velma.eyes.lens import HEIGHT, WIDTH, lens
+from velma.eyes.pictures import disturbed
 from velma.eyes.seeing import Seen, eyes_of
 from velma.kinematics.robot import Robot
 from velma.model.markers import of_scene

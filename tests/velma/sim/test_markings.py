@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from velma.eyes import bits
+from velma.eyes import detect
 from velma.eyes.detect import Detector
 from velma.eyes.fit import View
 from velma.eyes.lens import HEIGHT, WIDTH, lens
@@ -108,11 +108,11 @@ def test_each_marker_is_read_where_it_is_and_upright(stand: Stand) -> None:
 
 def test_a_pattern_is_that_of_the_dictionary() -> None:
     """White rim, black rim, bits; the same in a larger dictionary; and more than there are is an error."""
-    picture = bits.plate(7, 4)
+    picture = detect.plate(7, 4)
     assert picture.shape == (32, 32)
     assert (picture[:4] == 255).all()
     assert (picture[4:8, 4:28] == 0).all()
-    larger = cv2.aruco.generateImageMarker(bits.dictionary(250), 7, 24, borderBits=1)
+    larger = cv2.aruco.generateImageMarker(detect.dictionary(250), 7, 24, borderBits=1)
     assert (picture[4:28, 4:28] == larger).all()
     with pytest.raises(ValueError, match="251 markers"):
-        bits.dictionary(251)
+        detect.dictionary(251)

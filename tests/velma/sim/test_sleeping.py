@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from velma.model import scene
-from velma.sim import sleeping
+from velma.sim import mujoco_backend
 from velma.sim.backend import no_command
 from velma.sim.mujoco_backend import MujocoBackend
 
@@ -83,7 +83,7 @@ def test_a_thing_that_falls_onto_another_one_wakes_it(resting):
 def test_sleep_changes_nothing_that_moves(monkeypatch):
     """Until something sleeps both worlds are equal bit for bit; then things agree to 0.1 mm, creeping grains to 1."""
     asleep = MujocoBackend(scene.load())
-    monkeypatch.setattr(sleeping, "allow", lambda model: None)
+    monkeypatch.setattr(mujoco_backend, "allow_sleep", lambda model: None)
     never = MujocoBackend(scene.load())
     ours, theirs = hold(asleep, 400), hold(never, 400)
     assert (asleep.data.ntree_awake, never.data.ntree_awake == never.model.ntree) == (1, True)

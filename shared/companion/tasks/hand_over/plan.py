@@ -102,7 +102,7 @@ def _held_out(geometry: Geometry, here: Situation, side: Side) -> Iterator[np.nd
     held, rng = here.held[side], geometry.rng("hand over", here.held[side].object, side)
     base_z = geometry.model(here.state, held.object).base_z
     points_to = held.T_grip_object.inverse().rotation[:, 2]
-    for edge in islice(_edges(geometry, here, side), MOST_POINTS):
+    for edge in _edges(geometry, here, side)[:MOST_POINTS]:
         for askew in ASKEW:
             yaw = heading(edge) + askew - heading(points_to)
             at = standing(edge + np.array([0.0, 0.0, OVER_M - base_z]), yaw)
@@ -113,15 +113,15 @@ def _held_out(geometry: Geometry, here: Situation, side: Side) -> Iterator[np.nd
                 break
 
 
-def _edges(geometry: Geometry, here: Situation, side: Side) -> Iterator[np.ndarray]:
-    """Yield points (3,) of the tables' edges that look away from the robot and are in reach, best first."""
+def _edges(geometry: Geometry, here: Situation, side: Side) -> list[np.ndarray]:
+    """Points (3,) of the tables' edges that look away from the robot and are in reach, best first."""
     reach = geometry.ask(wm.RobotReach(state=here.state, side=side), wm.Reach)
     shoulders = turned(reach.shoulders)
     tables = geometry.facts.places(here.state, TABLE)
     surfaces = geometry.ask(wm.FlatSurfaces(state=here.state), wm.Surfaces).surfaces
     points = [point for one in surfaces if one.object in tables for point in _outer(one)]
     near = [point for point in points if within(point, shoulders, reach.near, reach.far)]
-    yield from sorted(near, key=lambda point: abs(math.hypot(point[0], point[1]) - BEST_M))
+    return sorted(near, key=lambda point: abs(math.hypot(point[0], point[1]) - BEST_M))
 
 
 def _outer(surface: wm.Surface) -> Iterator[np.ndarray]:

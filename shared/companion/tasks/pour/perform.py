@@ -201,18 +201,15 @@ def pour(here: Situation, command: Pour) -> Skill:
     if _much_left(here, command, after):
         after = yield from _tilted(here, command, flow, _farther(here, command, flow, tilt))
     here.noted = poured = Poured()
-    begun = _weigh(here, command, after, poured)
-    yield from _look_into(here, command, rim)
-    _judge(here, command, begun, rim, poured)
-
-
-def _look_into(here: Situation, command: Pour, rim: np.ndarray) -> Skill:
-    """Draw the hand back until the opening is in view, and look. The pour is over: what hinders only ends the look."""
+    begun, left = here.unfinished.pop(command.source), _felt(command, after)
+    if begun.full is not None and left is not None:  # the hand felt it before and after
+        poured.weighed = begun.full, left
     here.looked_into.discard(command.destination)  # what was seen in it before this is old
     here.at_least.pop(command.destination, None)
-    with suppress(NotPossible, Cancelled):
+    with suppress(NotPossible, Cancelled):  # the pour is over: what hinders only ends the look
         sensed = yield from _drawn_back(here, command, rim, BACK_SPEED)
         yield from missed(here, command.key, command.destination, sensed)
+    _judge(here, command, begun, rim, poured)
 
 
 def _drawn_back(here: Situation, command: Pour, rim: np.ndarray, speed: float) -> Generator[Asked, Sensed, Sensed]:
@@ -375,14 +372,6 @@ def _interrupt(here: Situation, command: Pour, after: Sensed) -> None:
         here.unfinished[command.source] = Unfinished(begun.destination, begun.full, left, begun.had)
 
 
-def _weigh(here: Situation, command: Pour, after: Sensed, poured: Poured) -> Unfinished:
-    """Note what the hand felt before and after, if it felt both, and return the pour that is over."""
-    begun, rest = here.unfinished.pop(command.source), _felt(command, after)
-    if begun.full is not None and rest is not None:
-        poured.weighed = begun.full, rest
-    return begun
-
-
 def _stream(here: Situation, command: Pour) -> Stream:
     rim = models.MODELS[here.models[command.destination]].hole
     opening = models.MODELS[here.models[command.source]].hole
@@ -399,10 +388,6 @@ def _tilt(here: Situation, command: Pour, flow: Stream, q: np.ndarray) -> list[n
     )
 
 
-def _left(here: Situation, command: Pour, sensed: Sensed, of: str) -> bool:
-    return isinstance(here.noted, Poured) and here.noted.left
-
-
 def _arrived(here: Situation, command: Pour, sensed: Sensed, of: str) -> bool:
     return isinstance(here.noted, Poured) and here.noted.arrived is True
 
@@ -413,7 +398,7 @@ def _done(here: Situation) -> dict[str, Any]:
 
 
 TELLS: dict[tuple[AnyClaim, Sense], Tells] = {
-    (PourClaim.LEFT, Sense.WRIST): _left,
+    (PourClaim.LEFT, Sense.WRIST): lambda here, command, sensed, of: isinstance(here.noted, Poured) and here.noted.left,
     (PourClaim.LEFT, Sense.EYES): _arrived,
     (PourClaim.ARRIVED, Sense.EYES): _arrived,
 }

@@ -146,20 +146,14 @@ def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
 def _through(here: Situation, side: str, grip: pin.SE3, way: Sequence[Vector]) -> list[np.ndarray]:
     """The checked path to the first of the offsets from `grip`, then straight on. Raises replan for none."""
     first, *others = (shifted(grip, np.array(offset)) for offset in way)
-    path = _to(here, side, first)
-    for pose in others:
-        path += straight(here, side, path[-1] if path else here.q, pose, here.world.free)
-    return path
-
-
-def _to(here: Situation, side: str, target: pin.SE3) -> list[np.ndarray]:
-    """The short, checked path from the set-point to `target`. Raises replan if there is none."""
-    q = ik.solve(here.robot, side, target, here.q, columns=names.ARM[side])
+    q = ik.solve(here.robot, side, first, here.q, columns=names.ARM[side])
     if q is None or np.abs(q - here.q).max() > JOIN_LIMIT:
         raise replan(fact(Kind.NOT_ABOVE_ITS_PLACE, side))
     path = between(here, q)
     if not all(here.world.free(x) for x in path):
         raise replan(fact(Kind.NO_PATH_TO_ITS_PLACE, side))
+    for pose in others:
+        path += straight(here, side, path[-1] if path else here.q, pose, here.world.free)
     return path
 
 

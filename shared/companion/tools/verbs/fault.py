@@ -26,7 +26,7 @@ from operate.cli.errors import ConsoleError, FleetError, UsageError
 from operate.cli.faults import inflict, moments
 from operate.cli.faults.kinds import Kind
 from operate.cli.faults.verbs import WITHIN_S, At, Within, heal_left, lasted
-from operate.cli.fleet import living_names, targets
+from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.run_folder import Fault
@@ -72,13 +72,13 @@ def joints(incomplete: str) -> list[str]:
 
 def moveable(ctx: typer.Context, incomplete: str) -> list[str]:
     """The things of a fleet's scene that can be taken; none where no fleet is there."""
-    fleet = living_names.meant(ctx)
+    fleet = targets.meant(ctx)
     with suppress(ConsoleError):
         return [] if fleet is None else among(things(fleet), incomplete)
     return []
 
 
-For = Annotated[float, typer.Option("--for", min=0.1, help="How long it lasts [s]; then it is healed.")]
+For = Annotated[float, typer.Option("--for", min=0.1, help="Seconds until it is healed.")]
 
 
 def sensor(

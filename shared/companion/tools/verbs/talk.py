@@ -19,7 +19,7 @@ from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSE
 from companion.stop_words import calls_for_help, may_answer, stop_words
 from companion.tools.verbs.hi import HUMAN_INTERFACE, PERIOD_S, Hi, HiError, address, starting, terminal, when_started
 from operate.cli.errors import NO, ConsoleError, FleetError, UsageError
-from operate.cli.fleet import living_names, targets
+from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import ENDED
@@ -210,9 +210,7 @@ def _without_coordinator(error: ConsoleError) -> bool:
 def cancel(
     task: Annotated[
         str,
-        typer.Argument(
-            help="A task's name; else the oldest that has not ended.", autocompletion=living_names.open_tasks
-        ),
+        typer.Argument(help="A task's name; else the oldest that has not ended.", autocompletion=targets.open_tasks),
     ] = "",
     target: targets.Name = "",
     run_dir: RunDir = None,

@@ -21,10 +21,9 @@ from operate.cli.errors import FleetError, UsageError
 from operate.cli.faults.kinds import VERBS
 from operate.cli.fleet import running_fleets
 from operate.cli.fleet.up import Rate, Speed
-from operate.cli.output import Form, Format, problems, tell_json, tell_problem
+from operate.cli.output import FirstSeed, Form, Format, problems, tell_json, tell_problem
 from operate.cli.runs import trials
 from operate.cli.runs.experiment import span
-from operate.cli.seeds import FirstSeed
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.system import here

@@ -20,7 +20,7 @@ from operate.cli.faults import inflict, moments
 from operate.cli.faults.kinds import AMOUNTS, KINDS, UNTIMED, VERBS
 from operate.cli.faults.verbs import heal_left
 from operate.cli.fleet import targets
-from operate.cli.fleet.targets import Target, named
+from operate.cli.fleet.targets import named
 from operate.cli.output import Form, Format, RunDir, problems
 
 # --- A scenario: faults in a TOML file, of which a seed chooses what the file leaves open. Pure but for `load` -------
@@ -159,31 +159,23 @@ def run(
         fleet = targets.find(target, run_dir)
         inflict.refuse(fleet)
         chosen = choose(load(file), seed)
-        _look(fleet, chosen)
+        for one in chosen:  # UsageError before anything is done: a process or a moment that is not there
+            named(fleet, inflict.ends(fleet, one.target)[0])
+            if isinstance(one.at, str):
+                moments.parse(one.at, fleet.system.design, one.target)
         place = [*(["--target", target] if target else []), *(["--run-dir", str(run_dir)] if run_dir else [])]
         heal_left(fleet, form)
-        codes = _done([[*words, *place, "--format", form.value] for words in _words(chosen)])
+        began = time.time()
+        codes = _done([[*words(one, began), *place, "--format", form.value] for one in chosen])
         if failed := sum(code != 0 for code in codes):
             raise FleetError(f"{failed} of {len(codes)} faults did not go as they should; `roco fault list` has them")
-
-
-def _look(fleet: Target, chosen: tuple[Chosen, ...]) -> None:
-    """Raise UsageError before anything is done: a process or a moment that is not there."""
-    for one in chosen:
-        named(fleet, inflict.ends(fleet, one.target)[0])
-        if isinstance(one.at, str):
-            moments.parse(one.at, fleet.system.design, one.target)
-
-
-def _words(chosen: tuple[Chosen, ...]) -> list[list[str]]:
-    began = time.time()
-    return [words(one, began) for one in chosen]
 
 
 def _done(calls: list[list[str]]) -> list[int]:
     """Call `roco fault` with each of these, side by side; their exit codes. Ctrl-C ends them, each heals."""
     with contextlib.ExitStack() as all_of_them:
-        children = [all_of_them.enter_context(_child(words)) for words in calls]
+        roco, quiet = [sys.executable, "-P", "-m", "operate.cli", "fault"], subprocess.DEVNULL
+        children = [all_of_them.enter_context(subprocess.Popen([*roco, *words], stdin=quiet)) for words in calls]
         try:
             return [child.wait() for child in children]
         except KeyboardInterrupt:
@@ -193,7 +185,3 @@ def _done(calls: list[list[str]]) -> list[int]:
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     child.wait(HEAL_S)
             raise
-
-
-def _child(words: list[str]) -> "subprocess.Popen[bytes]":
-    return subprocess.Popen([sys.executable, "-P", "-m", "operate.cli", "fault", *words], stdin=subprocess.DEVNULL)

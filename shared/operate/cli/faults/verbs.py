@@ -11,14 +11,14 @@ from operate.cli import completion, interrupts
 from operate.cli.errors import UsageError
 from operate.cli.faults import inflict, moments
 from operate.cli.faults.kinds import KINDS, VERBS, Kind
-from operate.cli.fleet import living_names, targets
+from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.fault_lines import latest, read
 from operate.run_folder import Fault
 
-Process = Annotated[str, typer.Argument(metavar="PROCESS", help="A process.", autocompletion=living_names.processes)]
+Process = Annotated[str, typer.Argument(metavar="PROCESS", help="A process.", autocompletion=targets.processes)]
 At = Annotated[
     str,
     typer.Option(
@@ -29,7 +29,7 @@ At = Annotated[
         autocompletion=completion.moments,
     ),
 ]
-Within = Annotated[float, typer.Option("--within", min=0.1, help="The moment is waited for so long [s].")]
+Within = Annotated[float, typer.Option("--within", min=0.1, help="Seconds to wait for the moment.")]
 HEADS = ("begun", "fault", "lasted", "what came of it")
 WITHIN_S = 300.0
 """Estimate: longer than a pour on a loaded machine."""
@@ -71,7 +71,7 @@ def fault(
     at: At = "",
     for_: Annotated[
         float | None,
-        typer.Option("--for", min=0.0, help="How long it lasts [s], then it is healed; else as its kind has it."),
+        typer.Option("--for", min=0.0, help="Seconds until it is healed; else as its kind has it."),
     ] = None,
     within: Within = WITHIN_S,
     target: targets.Name = "",

@@ -11,15 +11,15 @@ from agent_runtime.core.errors import JournalError
 from agent_runtime.io.journal import Repaired, journal_file
 from agent_runtime.io.journal import repair as repaired
 from operate.cli.errors import FleetError
-from operate.cli.fleet import living_names, operator, targets
+from operate.cli.fleet import operator, targets
 from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.targets import LOG_LINES, Target, named
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
 from operate.cli.runs import folders
 from operate.run_folder import ProcessState
 
-Process = Annotated[str, typer.Argument(metavar="NAME", help="A process.", autocompletion=living_names.processes)]
-Agent = Annotated[str, typer.Argument(metavar="AGENT", help="An agent.", autocompletion=living_names.processes)]
+Process = Annotated[str, typer.Argument(metavar="NAME", help="A process.", autocompletion=targets.processes)]
+Agent = Annotated[str, typer.Argument(metavar="AGENT", help="An agent.", autocompletion=targets.processes)]
 PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
 STOP_S = 130.0  # the monitor may take two minutes for its reports
 READY_S = 90.0  # as for the whole fleet

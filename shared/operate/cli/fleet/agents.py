@@ -8,7 +8,7 @@ import typer
 
 from operate.cli import completion
 from operate.cli.errors import NO, NoRunError
-from operate.cli.fleet import living_names, targets
+from operate.cli.fleet import targets
 from operate.cli.fleet.process_status import Info, Row, rows
 from operate.cli.fleet.targets import LOG_LINES, Target, named
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
@@ -27,7 +27,7 @@ class Agents(msgspec.Struct, frozen=True):
 def agents(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="All that is known of these.", autocompletion=living_names.processes),
+        typer.Argument(metavar="[NAME]...", help="All that is known of these.", autocompletion=targets.processes),
     ] = None,
     offers: Annotated[bool, typer.Option("--offers", help="What they offer and ask, as the design says.")] = False,
     protocol: Annotated[
@@ -74,7 +74,7 @@ def agents(
                 if form is Format.JSON:
                     tell_json(told)
                 else:
-                    from operate.cli.fleet.agents_table import show_info  # a program that reads JSON needs no rich
+                    from operate.cli.fleet.process_tables import show_info
 
                     show_info(told)
             return
@@ -82,9 +82,9 @@ def agents(
         if form is Format.JSON:
             tell_json(Agents(fleet.where, found))
         else:
-            from operate.cli.fleet.agents_table import show
+            from operate.cli.fleet.process_tables import show_agents
 
-            show(found)
+            show_agents(found)
         if not any(row.pid for row in found):
             raise NoRunError(fleet.where, f"nothing of {fleet.where} runs; `roco up` starts a fleet")
         if any(row.trouble for row in found):

@@ -1,14 +1,5 @@
-"""The form of a check of `roco doctor`."""
+"""`roco doctor`: what is wrong and what to do, check by check; a system adds checks of its own (Checks)."""
 
-from collections.abc import Callable, Iterator
-from enum import StrEnum
-from typing import TYPE_CHECKING
-
-import msgspec
-
-if TYPE_CHECKING:
-    from operate.cli.fleet.process_status import Look
-    from operate.cli.fleet.targets import Target
 import datetime as dt
 import importlib.metadata
 import os
@@ -18,23 +9,31 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
+from enum import StrEnum
 from pathlib import Path
+
+import msgspec
+import typer
+from rich.text import Text
 
 from agent_runtime.io.fleet_processes import started_with
 from agent_runtime.io.reaching import LOOPBACK_REMEDY, no_loopback, why_not
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTER, key_file
-from operate.cli.errors import ConsoleError, DockerError
-from operate.cli.fleet import identity, running_fleets
-from operate.cli.fleet.docker import docker
+from operate.cli.errors import NO, ConsoleError, DockerError
+from operate.cli.fleet import identity, running_fleets, targets
+from operate.cli.fleet.compose import docker
 from operate.cli.fleet.key_times import key_folder, key_times
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, WEB, listens, taken
-from operate.cli.fleet.process_status import Look, Seen, stuck, trouble
-from operate.cli.fleet.targets import Target
+from operate.cli.fleet.process_status import Look, Seen, Target, stuck, trouble
+from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
+from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from operate.run_folder import Fleet, ProcessState
+from operate.system import NoSystemError, UntrustedError, here
 
 
 class Level(StrEnum):
@@ -58,7 +57,7 @@ class Checks(msgspec.Struct, frozen=True):
     """Checks a system adds, or puts in place of those of the same name: of the machine, and of its fleet."""
 
     machine: dict[str, Callable[[], Iterator[Check]]] = {}
-    fleet: dict[str, Callable[["Target", "Look"], Iterator[Check]]] = {}
+    fleet: dict[str, Callable[[Target, Look], Iterator[Check]]] = {}
 
 
 # --- Checks of `roco doctor` without a fleet: Python and its libraries, processor, disk space, clock, docker ---------
@@ -288,13 +287,9 @@ def router(fleet: Target, now: Look) -> Iterator[Check]:
         yield Check(ROUTER, Level.FINE, f"listens at {told.connect}")
     for one in now.seen:
         keys = key_file(fleet.run / KEYS_FOLDER, one.name).is_file()
-        if keys and _lacks(one) and (own := _why(fleet, told, one.name, told.connect)):
+        lacks = one.status.pid and one.name != ROUTER and (one.beat is None or not one.beat.up)  # or had none yet
+        if keys and lacks and (own := _why(fleet, told, one.name, told.connect)):
             yield Check(one.name, Level.WRONG, f"no router: {own}", f"see {one.name}.log of the run")
-
-
-def _lacks(one: Seen) -> bool:
-    """Whether a process lives and has no router, or had none yet."""
-    return bool(one.status.pid) and one.name != ROUTER and (one.beat is None or not one.beat.up)
 
 
 def _why(fleet: Local, told: Fleet, name: str, address: str) -> str:
@@ -444,3 +439,90 @@ FLEET: dict[str, Callable[[Target, Look], Iterator[Check]]] = {
     "clock": clock_jump,
     "other runs": stale,
 }
+
+
+# --- `roco doctor` ----------------------------------------------------------------------------------------------------
+
+
+MARKS = {Level.FINE: ("✓", "green"), Level.NOTE: ("i", "yellow"), Level.WRONG: ("✗", "bold red")}
+
+
+class Diagnosis(msgspec.Struct, frozen=True):
+    """`roco doctor --format json`."""
+
+    where: str
+    wrong: int
+    checks: tuple[Check, ...]
+
+
+def doctor(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+    """Check machine, installation and fleet: what is wrong, why, and what to do. Exits with 1 where something is.
+
+    Examples:
+      roco doctor
+      roco doctor --format json
+      roco doctor --target compose
+    """
+    with problems(form):
+        fleet, reason = found(target, run_dir)
+        with waiting("checking", form) as say:
+            checks = tuple(examined(fleet, reason, say))
+        wrong = sum(check.level is Level.WRONG for check in checks)
+        if form is Format.JSON:
+            tell_json(Diagnosis(fleet.where if fleet else "", wrong, checks))
+        else:
+            show(checks, Console())
+        if wrong:
+            raise typer.Exit(NO)
+
+
+def found(target: str, run_dir: Path | None) -> tuple[Target | None, str]:
+    """The fleet that is meant; without one only machine and installation are checked, unless it was named."""
+    try:
+        return targets.find(target, run_dir), ""
+    except ConsoleError as error:
+        if target or run_dir is not None:
+            raise
+        return None, str(error)
+
+
+def examined(fleet: Target | None, reason: str, say: Callable[[str], None]) -> Iterator[Check]:
+    """The checks one after the other."""
+    own = _own(fleet)
+    for name, check in (MACHINE | own.machine).items():
+        say(f"checking {name}")
+        yield from check()
+    if fleet is None:
+        yield Check("fleet", Level.NOTE, reason)
+        return
+    now = fleet.look()
+    for name, of_fleet in (FLEET | own.fleet).items():
+        say(f"checking {name}")
+        yield from of_fleet(fleet, now)
+
+
+def _own(fleet: Target | None) -> Checks:
+    """Return the checks added by the system of a fleet, or else of this folder; none if there is no system. Raise
+    UntrustedError where the system is there, and others can change its code.
+    """
+    try:
+        found: Checks | None = (fleet.system if fleet is not None else here()).addition("checks")
+    except UntrustedError:
+        raise
+    except NoSystemError:
+        return Checks()
+    return found or Checks()
+
+
+def show(checks: tuple[Check, ...], console: Console) -> None:
+    """A row for each: what is, and below it what to do."""
+    rows = []
+    for check in checks:
+        mark, style = MARKS[check.level]
+        what = Text(check.what, style if check.level is Level.WRONG else "")
+        if check.remedy:
+            what.append(f"\n→ {check.remedy}", "not bold cyan")
+        rows.append((Text(mark, style), Text(check.name, "bold"), what))
+    console.print(table(("mark", "name", "what"), rows, fold=("what",), show_header=False))
+    wrong = sum(check.level is Level.WRONG for check in checks)
+    console.print(f"{wrong} of {len(checks)} checks found something wrong" if wrong else "nothing is wrong")

@@ -4,11 +4,15 @@ Each service has its own run folder, in its own volume. A container with several
 its fleet.json; of the others docker knows whether they run.
 """
 
+import shutil
 import string
+import subprocess
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import cached_property
+from typing import Any
 
 import msgspec
 
@@ -17,7 +21,6 @@ from agent_runtime.io.secured import ROUTER
 from operate import proc
 from operate.cli.errors import DockerError, FleetError, NoRunError, UsageError
 from operate.cli.fleet import process_status
-from operate.cli.fleet.docker import Container, command, docker, executed, inspected, ours
 from operate.cli.fleet.identity import OPERATOR
 from operate.cli.fleet.process_status import Look, Put, Seen, Target
 from operate.cli.traffic import verdicts
@@ -33,6 +36,122 @@ from operate.run_folder import (
 )
 from operate.system import System, here
 from operate.wires import files
+
+ANSWER_S = 20.0
+"""An answer takes 0.1 s; a loaded machine some seconds (estimate)."""
+IMAGES, SYSTEM = "robot-companion/", "robot-companion.system"
+"""Beginning of the names of our images; label of a container with any image: the system of its fleet."""
+PROJECT, SERVICE = "com.docker.compose.project", "com.docker.compose.service"
+
+
+class Health(msgspec.Struct, rename="pascal"):
+    """Of `docker inspect`: what its health check says."""
+
+    status: str
+
+
+class State(msgspec.Struct, rename="pascal"):
+    """Of `docker inspect`: whether it runs."""
+
+    status: str
+    health: Health | None = None
+    started_at: str = ""
+    exit_code: int = 0
+
+
+class Config(msgspec.Struct, rename="pascal"):
+    """Of `docker inspect`: what it was made with."""
+
+    image: str = ""
+    labels: dict[str, str] = {}
+    env: list[str] = []
+
+
+class Networks(msgspec.Struct, rename="pascal"):
+    """Of `docker inspect`: the networks it is in, by name."""
+
+    networks: dict[str, Any] = {}
+
+
+class Container(msgspec.Struct, rename="pascal"):
+    """A container, as far as it is wanted."""
+
+    id: str
+    state: State
+    config: Config
+    restart_count: int = 0
+    network_settings: Networks = msgspec.field(default_factory=Networks)
+
+    @property
+    def service(self) -> str:
+        return self.config.labels.get(SERVICE, "")
+
+    @property
+    def project(self) -> str:
+        return self.config.labels.get(PROJECT, "")
+
+    @property
+    def ours(self) -> bool:
+        return SYSTEM in self.config.labels or self.config.image.startswith(IMAGES)
+
+    @property
+    def runs(self) -> bool:
+        return self.state.status == "running"
+
+    @property
+    def healthy(self) -> bool:
+        return self.state.health is not None and self.state.health.status == "healthy"
+
+    def variable(self, name: str) -> str:
+        """The value of a variable of its environment, "" where it is not set."""
+        return next((value for key, _, value in (one.partition("=") for one in self.config.env) if key == name), "")
+
+
+def command(*words: str) -> list[str]:
+    """Return the command that calls docker. Raises DockerError if docker is missing."""
+    program = shutil.which("docker")
+    if program is None:
+        raise DockerError("docker is not installed")
+    return [program, *words]
+
+
+def docker(*words: str, timeout_s: float = ANSWER_S, data: bytes = b"") -> bytes:
+    """Return docker's output. Raises DockerError if docker is missing, refuses, or does not answer."""
+    try:
+        done = subprocess.run(command(*words), input=data, capture_output=True, timeout=timeout_s, check=False)
+    except subprocess.TimeoutExpired:
+        raise DockerError(f"docker did not answer within {timeout_s:.0f} s (docker {words[0]})") from None
+    if done.returncode:
+        said = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
+        raise DockerError(f"docker {words[0]}: {said[0]}")
+    return done.stdout
+
+
+def ours() -> list[Container]:
+    """Return the containers of compose projects that are fleets, also those that have ended."""
+    listed = docker("ps", "--all", "--quiet", "--no-trunc", "--filter", f"label={PROJECT}").decode().split()
+    return [one for one in inspected(listed) if one.ours]
+
+
+def inspected(ids: list[str]) -> list[Container]:
+    """Containers by id."""
+    return msgspec.json.decode(docker("inspect", *ids), type=list[Container]) if ids else []
+
+
+def executed(ids: list[str], script: str) -> list[bytes]:
+    """Return the output of a shell script in each container, run in parallel; b"" where it cannot run."""
+
+    def one(id: str) -> bytes:
+        try:
+            return docker("exec", id, "sh", "-c", script)
+        except DockerError:
+            return b""
+
+    if not ids:
+        return []
+    with ThreadPoolExecutor(len(ids)) as together:
+        return list(together.map(one, ids))
+
 
 # --- Contents of one look into a container: its run folder and /proc on one sheet, written by a few lines of shell
 # A Python started in each container would cost more than all that it looks at.
@@ -213,7 +332,9 @@ class Compose(Target):
     def switch(self, name: str, on: bool) -> None:
         """Start a process, or end it and keep it down; where it shares its container, its supervisor does it."""
         container = self._home(name)
-        if container.service != name or (container.runs and name in self._shared(container)):
+        kept = sheet(executed([container.id], SHEET)[0]).fleet if container.runs else None  # by a supervisor in it
+        shared = kept is not None and name in (status.name for status in kept.processes)
+        if container.service != name or shared:
             file = f'"${RUN_FOLDER_VARIABLE}/{name}{OFF_SUFFIX}"'
             self._shell(container.service, f"rm -f {file}" if on else f"touch {file}")
         else:
@@ -334,11 +455,6 @@ class Compose(Target):
                 service = one.home
                 return next(container for container in self._containers() if container.service == service)
         raise UsageError(f"no process is called {name!r}; there are {', '.join(one.name for one in self.look().seen)}")
-
-    def _shared(self, container: Container) -> tuple[str, ...]:
-        """The processes that a supervisor keeps in a container."""
-        told = sheet(executed([container.id], SHEET)[0]).fleet
-        return tuple(status.name for status in told.processes) if told else ()
 
     def _shell(self, service: str, script: str) -> bytes:
         """Return the output of a script run in a service's container. Raises DockerError if it does not run."""

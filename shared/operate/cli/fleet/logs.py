@@ -13,7 +13,7 @@ from rich.text import Text
 from agent_runtime.io.cli import Level
 from operate.cli import completion
 from operate.cli.errors import UsageError
-from operate.cli.fleet import living_names, targets
+from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
@@ -29,7 +29,7 @@ _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 _AGO = re.compile(r"(\d+(?:\.\d+)?)([smhd])")
 _CLOCKS = ("%H:%M:%S", "%H:%M")
 
-Name = Annotated[str, typer.Argument(metavar="[AGENT]", help="Only this one's.", autocompletion=living_names.processes)]
+Name = Annotated[str, typer.Argument(metavar="[AGENT]", help="Only this one's.", autocompletion=targets.processes)]
 
 
 class Line(msgspec.Struct, frozen=True):

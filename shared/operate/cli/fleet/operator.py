@@ -63,7 +63,9 @@ def order(fleet: Target, name: str, what: Order) -> Beat:
     command = Command(f"{OPERATOR}-{time.time_ns():x}", what)
     system = now.fleet.system if now.fleet else fleet.system.name
     with fleet.operating() as put:
-        beat = _answered(fleet, name, command, lambda: put(key(fleet.system.design, system, name), _encoded(command)))
+        beat = _answered(
+            fleet, name, command, lambda: put(key(fleet.system.design, system, name), msgspec.msgpack.encode(command))
+        )
     if beat is None:
         raise FleetError(f"{name} does not answer {worded(what)} within {ANSWER_S:.0f} s; `roco agents {name}`")
     if beat.answer.why:
@@ -89,7 +91,3 @@ def _answered(fleet: Target, name: str, command: Command, put: Callable[[], None
             return beat
         time.sleep(LOOK_S)
     return None
-
-
-def _encoded(command: Command) -> bytes:
-    return msgspec.msgpack.encode(command)

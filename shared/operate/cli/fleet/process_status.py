@@ -223,10 +223,13 @@ def _row(one: Seen, before: Seen | None, span_s: float) -> Row:
     beat, status = one.beat, one.status
     lives = status.state is ProcessState.READY
     agent = beat is not None and beat.incarnation > 0
+    state = str(status.state)
+    if beat is not None and beat.state and lives:
+        state = PAUSED if beat.paused else beat.state
     return Row(
         name=status.name,
         process=status.state,
-        state=_state(beat) if beat is not None and beat.state and lives else str(status.state),
+        state=state,
         heartbeat_s=one.age_s if status.pid else None,
         restarts=status.restarts,
         cpu=cpu(before, one, span_s),
@@ -236,10 +239,6 @@ def _row(one: Seen, before: Seen | None, span_s: float) -> Row:
         waiting=sum(beat.unreceipted.values()) + sum(beat.due.values()) if beat is not None and agent else None,
         trouble=trouble(one),
     )
-
-
-def _state(beat: Beat) -> str:
-    return PAUSED if beat.paused else beat.state
 
 
 def cpu(before: Seen | None, now: Seen, span_s: float) -> float | None:

@@ -1,12 +1,78 @@
 """`roco status`: what runs, and what it is at."""
 
+import datetime as dt
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+
+import msgspec
 import typer
 
 from operate.cli.errors import AS_WANTED, NO, NOTHING_RUNS
-from operate.cli.fleet import targets
-from operate.cli.fleet.fleet_state import Status, state_of
+from operate.cli.fleet import targets, tasks
+from operate.cli.fleet.key_times import key_folder, key_times
+from operate.cli.fleet.picture_ports import taken
+from operate.cli.fleet.process_status import Look, stuck, trouble
+from operate.cli.fleet.targets import Target
+from operate.cli.fleet.tasks import Task
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
-from operate.run_folder import ProcessState
+from operate.run_folder import Fleet, ProcessState
+
+
+class Status(msgspec.Struct, frozen=True):
+    """The fleet, the tasks, whether the robot is held; `problem`: why no task is known; `troubles`: by process.
+
+    `unheard`: who is not heard by whom, a sentence each; `paused`: agents that take no step. `stuck`: processes that
+    are frozen or hang; `unkept`: why nobody looks after the fleet. `keys`: the certificate that does not hold.
+    `pictures`: why there are none, where another program has their port.
+    """
+
+    run: str
+    fleet: Fleet | None
+    tasks: tuple[Task, ...]
+    stop_held: bool
+    problem: str = ""
+    troubles: dict[str, str] = {}
+    unheard: tuple[str, ...] = ()
+    paused: tuple[str, ...] = ()
+    stuck: tuple[str, ...] = ()
+    unkept: str = ""
+    keys: str = ""
+    pictures: str = ""
+
+
+def state_of(fleet: Target) -> Status:
+    """Return the state of a run; a missing source of tasks is reported in it, not raised."""
+    told, problem = tasks.of(fleet)
+    now = fleet.look()
+    troubles = {one.name: words for one in now.seen if one.status.pid and (words := trouble(one))}
+    paused = tuple(one.name for one in now.seen if one.status.pid and one.beat is not None and one.beat.paused)
+    late = tuple(one.name for one in now.seen if one.status.pid and stuck(one))
+    who = tuple(unheard(now))
+    starting = any(one.status.pid and one.status.state is not ProcessState.READY for one in now.seen)
+    keys = _keys(fleet, now) if troubles or who or starting else ""
+    pictures = "; ".join(port.words for port in taken(fleet, now))
+    state = (fleet.where, now.fleet, told, now.stop_held, problem, troubles, who, paused, late, now.unkept, keys)
+    return Status(*state, pictures)
+
+
+def _keys(fleet: Target, now: Look) -> str:
+    """Return which certificate of a fleet in trouble does not hold."""
+    with suppress(OSError, ValueError):  # doctor tells what is wrong with a file that is no certificate
+        if (folder := key_folder(fleet, now)) and (times := key_times(folder)):
+            return times.trouble(dt.datetime.now(dt.UTC))
+    return ""
+
+
+def unheard(now: Look) -> Iterator[str]:
+    """Yield a sentence for each agent that another does not hear, though both run."""
+    found = [(one.name, line) for one in now.seen if one.beat and one.status.pid for line in one.beat.unheard]
+    if found:
+        from agent_runtime.core import peers as of_agents
+
+        for name, line in found:
+            one = of_agents.Unheard(line.peer, line.channel, line.what, line.since)
+            yield of_agents.unheard_text(name, one, time.time())
 
 
 def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
@@ -23,9 +89,9 @@ def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Forma
         if form is Format.JSON:
             tell_json(now)
         else:
-            from operate.cli.fleet.status_table import show  # a program that reads JSON need not wait for rich
+            from operate.cli.fleet.process_tables import show_status
 
-            show(now)
+            show_status(now)
         if code := verdict(now):
             raise typer.Exit(code)
 

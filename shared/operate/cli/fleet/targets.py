@@ -15,7 +15,7 @@ from agent_runtime.io.fleet_processes import run_folders
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, NoRunError, UsageError
-from operate.cli.fleet import running_fleets
+from operate.cli.fleet import running_fleets, tasks
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Put as Put
 from operate.cli.fleet.process_status import Seen
@@ -120,3 +120,29 @@ def _compose(project: str) -> Target | None:
     if len(running) > 1:
         raise UsageError(f"several compose projects run; name one: --target {' or '.join(running)}")
     return Compose(running[0], robot) if running else None
+
+
+# --- Names for the shell to complete that only a fleet knows ---------------------------------------------------------
+
+
+def processes(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the processes of the fleet that is meant; where none runs, the agents of the design."""
+    fleet = meant(ctx)
+    if fleet is None:
+        return completion.agents(ctx, incomplete)
+    return completion.among([one.name for one in fleet.look().seen], incomplete)
+
+
+def open_tasks(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the tasks of the fleet that is meant that have not ended."""
+    fleet = meant(ctx)
+    found = tasks.of(fleet)[0] if fleet is not None else ()
+    return completion.among([one.task for one in found if one.state not in tasks.ENDED], incomplete)
+
+
+def meant(ctx: typer.Context) -> Target | None:
+    """Return the fleet that the options before the word name, else the one that is meant without; None: none is."""
+    try:
+        return find(ctx.params.get("target") or "", completion.path_given(ctx, "run_dir"))
+    except ConsoleError:
+        return None

@@ -13,9 +13,8 @@ from agent_runtime.io.options import HOW_LINKED, Linking
 from operate.cli import completion, interrupts
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import running_fleets, starting, targets
-from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_problem, waiting
+from operate.cli.output import Form, Format, Reply, RunDir, Seed, problems, tell, tell_problem, waiting
 from operate.cli.runs import folders
-from operate.cli.seeds import Seed
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.watch import Watch
 from operate.system import here
@@ -89,18 +88,21 @@ def up(
         if seconds is not None and not wait:
             raise UsageError("--for counts from when all are ready; leave --no-wait out")
         starting.check(words)
+        _begun(where, words, wait, seconds, form)
         if seconds is not None:
-            _for(where, words, seconds, form)
+            tell(Reply(f"ran for {seconds:g} s; everything is written to {where.run}", str(where.run)), form)
             return
-        _begun(where, words, wait, form)
         named = "" if where.latest else f"; `--target {another or folders.near(where.run)}` means it"
         what = f"ready; everything is written to {where.run}"
         text = what if wait else f"starting in {where.run}; `roco status` shows how far it is"
         tell(Reply(text + named, str(where.run)), form)
 
 
-def _begun(where: running_fleets.Place, words: list[str], wait: bool, form: Format) -> None:
-    """Start the fleet and wait until it is ready. What was started is brought down where that fails."""
+def _begun(where: running_fleets.Place, words: list[str], wait: bool, seconds: float | None, form: Format) -> None:
+    """Start the fleet and wait until it is ready; let it run for some seconds then, and bring it down.
+
+    What was started is brought down where that fails. FleetError: it does not come up, or its supervisor ends before.
+    """
     with interrupts.held() as let_go:
         supervisor = starting.start(where.run, [*words, *([] if where.latest else ["--no-latest"])])
         try:
@@ -108,39 +110,23 @@ def _begun(where: running_fleets.Place, words: list[str], wait: bool, form: Form
             if not wait:
                 starting.wait_kept(where.run, supervisor)
                 return
-            _watched(where.run, supervisor, form)
+            watch = Watch(here(), where.run, "bringing the fleet up", Console(stderr=True), form is Format.JSON)
+            with watch.showing():
+                look = watch.look if form is Format.TEXT else lambda _: None
+                starting.wait_ready(where.run, supervisor, look)
+            if seconds is None:
+                return
+            with waiting(f"the fleet runs for {seconds:g} s", form), contextlib.suppress(subprocess.TimeoutExpired):
+                code = supervisor.wait(seconds)
+                raise FleetError(f"the supervisor ended with code {code}; see {where.run}/supervisor.log")
         except BaseException as error:
             try:
-                if isinstance(error, KeyboardInterrupt) and form is Format.TEXT:
+                if isinstance(error, KeyboardInterrupt) and form is Format.TEXT and seconds is None:
                     tell_problem("interrupted; what was started is brought down, Ctrl-C does not wait", form)
             finally:  # a closed terminal takes no words
                 starting.bring_down(where.run, supervisor)
             raise
-
-
-def _for(where: running_fleets.Place, words: list[str], seconds: float, form: Format) -> None:
-    """Start the fleet, let it run for some seconds once it is ready, and bring it down, whatever happens.
-
-    Raise FleetError where it does not come up, or its supervisor ends before.
-    """
-    with interrupts.held() as let_go:
-        supervisor = starting.start(where.run, [*words, *([] if where.latest else ["--no-latest"])])
-        try:
-            let_go()
-            _watched(where.run, supervisor, form)
-            with waiting(f"the fleet runs for {seconds:g} s", form), contextlib.suppress(subprocess.TimeoutExpired):
-                code = supervisor.wait(seconds)
-                raise FleetError(f"the supervisor ended with code {code}; see {where.run}/supervisor.log")
-        finally:
-            starting.bring_down(where.run, supervisor)
-    tell(Reply(f"ran for {seconds:g} s; everything is written to {where.run}", str(where.run)), form)
-
-
-def _watched(run: Path, supervisor: "subprocess.Popen[bytes]", form: Format) -> None:
-    """Wait until all are ready, and show how far they are. FleetError: they do not come up."""
-    watch = Watch(here(), run, "bringing the fleet up", Console(stderr=True), form is Format.JSON)
-    with watch.showing():
-        starting.wait_ready(run, supervisor, watch.look if form is Format.TEXT else lambda _: None)
+        starting.bring_down(where.run, supervisor)
 
 
 def down(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:

@@ -18,9 +18,8 @@ from operate.cli import interrupts
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import running_fleets, starting
 from operate.cli.fleet.up import Rate, SceneFile, Speed
-from operate.cli.output import Form, Format, problems, tell_problem
+from operate.cli.output import FirstSeed, Form, Format, problems, tell_problem
 from operate.cli.runs import machine, trials
-from operate.cli.seeds import FirstSeed
 from operate.cli.terminal.console import Console
 
 FIRST_S = 75.0  # a run before any was timed: a pour on two idle cores at --speed max (measured 2026-11-21)

@@ -18,8 +18,8 @@ from rich.text import Text
 
 from operate.cli.errors import NoRunError
 from operate.cli.fleet import targets, tasks
-from operate.cli.fleet.agents_table import COLUMNS, cells
 from operate.cli.fleet.process_status import Look, Row, rows
+from operate.cli.fleet.process_tables import COLUMNS, cells
 from operate.cli.fleet.state_words import COLOURS, doing
 from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import ENDED, Task
