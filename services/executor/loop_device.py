@@ -21,7 +21,7 @@ from agent_runtime.io.one_reader import OneReaderQueue
 from companion.languages.facts import Facts, Kind, fact
 from companion.skills.loop_messages import FAULT, Cancel, LookAgain, Mode, Phase, Release
 from services.executor.local import Brake, Do, Felt, GoOn, Halt, Lost, Moved, Passing, Stands, ToLoop, Where
-from services.executor.loop.link import AgentLink, LoopCommand, LoopState, Told
+from services.executor.loop.link import AgentLink, LoopCommand, LoopState, Told, reopened
 from velma.errors import SlotError
 from velma.names import SIDES
 
@@ -89,14 +89,10 @@ class LoopDevice:
 
     def _reach(self) -> AgentLink:
         """Return the link to the running loop. Gone if there is none."""
-        if self._link is not None and self._link.file.replaced:
-            self._link.file.close()
-            self._link = None
-        if self._link is None:
-            try:
-                self._link = AgentLink(self._path)
-            except SlotError as error:
-                raise Gone(Kind.ENDED, f"the loop does not run: {error}") from None
+        try:
+            self._link = reopened(self._link, self._path)
+        except SlotError as error:
+            raise Gone(Kind.ENDED, f"the loop does not run: {error}") from None
         _state(self._link)
         return self._link
 

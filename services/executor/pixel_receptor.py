@@ -9,7 +9,7 @@ from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.one_reader import OneReaderQueue
 from companion.skills.situation import Neck, Sight
 from services.executor.local import Array
-from services.executor.looks import Blind, Saw, See, Thing
+from services.executor.looks import Blind, Saw, See
 from services.executor.renderer import ENTRY, Renderer
 from velma.kinematics.frames import pose_of
 from velma.kinematics.robot import Robot
@@ -36,7 +36,10 @@ class PixelReceptor:
         if isinstance(saw, Blind):
             raise WorkerError(ENTRY, f"does not see: {saw.reason}", "start with --eyes rays")
         self.wrong, self.off = saw.wrong, saw.off
-        return [_sight(one) for one in saw.things]
+        return [
+            Sight(one.name, pose_of(one.rotation, one.position), one.content, one.uncertainty, one.whole)
+            for one in saw.things
+        ]
 
     def close(self) -> None:
         """Nothing to close: the child is another's."""
@@ -56,7 +59,3 @@ class OwnPixelReceptor(PixelReceptor):
     def _answered(self, see: See) -> Saw | Blind:
         self.renderer.look(see, self._answers.put)
         return self._answers.get()
-
-
-def _sight(one: Thing) -> Sight:
-    return Sight(one.name, pose_of(one.rotation, one.position), one.content, one.uncertainty, one.whole)

@@ -13,9 +13,9 @@ from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.worker import Link
 from companion.acts import ACTS
 from companion.eyes import Eyes
-from companion.languages import rc, rs
+from companion.languages import rs
 from companion.languages.values import Pose, Side
-from companion.skills.loop_messages import Cancel, LookAgain, Motion
+from companion.skills.loop_messages import Cancel, LookAgain
 from companion.skills.performing import perform
 from companion.skills.situation import Eye, Held, Neck, Sight, Situation, beginning
 from companion.skills.skill import Asked, Sensed
@@ -179,7 +179,7 @@ def _act(link: Link, words: Words, stage: Stage, word: Perform) -> ToSkill:
                 return GoOn(word.number, key, in_s)
             case Cancel(key=key):
                 return Brake(word.number, key or word.command.key)
-        return Move(word.number, asked, _expected(word.command, asked), kept())
+        return Move(word.number, asked, duration(asked) + ACTS[type(word.command)].rest_s, kept())
 
     try:
         asked = next(work)
@@ -192,7 +192,3 @@ def _act(link: Link, words: Words, stage: Stage, word: Perform) -> ToSkill:
     except StopIteration as stop:
         link.send(Ended(word.number, stop.value, kept(), here.refused))
     return words.next()
-
-
-def _expected(command: rc.Command, motion: Motion) -> float:
-    return duration(motion) + ACTS[type(command)].rest_s

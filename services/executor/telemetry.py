@@ -19,7 +19,7 @@ from companion.skills.loop_messages import Phase
 from companion.telemetry import PICTURE_S, RATE_HZ, Lateness, Picture, RobotState
 from services.executor.local import Array, Setup, scene_of
 from services.executor.looks import Show
-from services.executor.loop.link import AgentLink, LoopState, Timing, Told
+from services.executor.loop.link import AgentLink, LoopState, Timing, Told, reopened
 from services.executor.renderer import Renderer
 from velma.errors import SlotError
 
@@ -139,15 +139,8 @@ class Telemetry:
     def _serve(self) -> None:
         while not self._over.wait(1.0 / RATE_HZ):
             with contextlib.suppress(SlotError):  # no loop at present
-                self._tell(self._reached())
-
-    def _reached(self) -> AgentLink:
-        if self._link is not None and self._link.file.replaced:
-            self._link.file.close()
-            self._link = None
-        if self._link is None:
-            self._link = AgentLink(self._path)
-        return self._link
+                self._link = reopened(self._link, self._path)
+                self._tell(self._link)
 
     def _tell(self, link: AgentLink) -> None:
         state, told = link.state(), link.told()

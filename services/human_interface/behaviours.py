@@ -16,7 +16,7 @@ from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import cmd
 from companion.languages.cmd import TaskReport, TaskState
-from companion.languages.facts import Fact, Kind, fact
+from companion.languages.facts import Kind, fact
 from companion.run_files import ANSWERED, QUESTION, REFUSED, RELEASED, STOPPED, HiEvent, InWords, Question, TaskLine
 from companion.sentences import Reader, failure, operator, person, place, state
 from fipa_codec.languages import Reason
@@ -46,9 +46,10 @@ def listen(memory: Memory, turn: Turn) -> Memory:
             turn.unwake(received.conversation)
             news = _news(memory, turn, received)
             return _after(_answered(memory), turn, *news).with_news(*news)
-        case Broken(conversation=name, reason=why):
-            turn.log("broken", conversation=name, reason=why)
-            return memory.with_news(_failed(name, fact(Kind.BROKE_OFF, AgentName.CO)))
+        case Broken(conversation=name, reason=reason):
+            turn.log("broken", conversation=name, reason=reason)
+            why = (fact(Kind.BROKE_OFF, AgentName.CO),)
+            return memory.with_news(_ended(name, TaskReport(TaskState.FAILED, why)))
         case Woken(name=task) if turn.holds(task) and not memory.away:
             return _unanswered(memory, task)
         case Started():
@@ -370,24 +371,12 @@ def _why(memory: Memory, language: str) -> str:
     return say(language, "failed", line.said, why or state(line.state, language))
 
 
-def _help(memory: Memory, language: str) -> str:
-    return say(language, "understood", can(language))
-
-
-def _stopping(memory: Memory, language: str) -> str:
-    return say(language, "stopping")
-
-
-def _greet(memory: Memory, language: str) -> str:
-    return say(language, "greet", can(language))
-
-
 ANSWERS: dict[str, Callable[[Memory, str], str]] = {
     "see": _see,
     "why": _why,
-    "help": _help,
-    "stopping": _stopping,
-    "greet": _greet,
+    "help": lambda memory, language: say(language, "understood", can(language)),
+    "stopping": lambda memory, language: say(language, "stopping"),
+    "greet": lambda memory, language: say(language, "greet", can(language)),
 }
 """The rows of the catalogue that are answered from memory."""
 
@@ -415,10 +404,6 @@ def _news(memory: Memory, turn: Turn, received: Received) -> tuple[News, ...]:
         return (News(ABOUT.get(report.state, AgentName.CO), report.state, _in_words(report), name, report),)
     unsaid = Kind.NOT_UNDERSTOOD if performative is P.NOT_UNDERSTOOD else Kind.NO_REASON
     return (_ended(name, replace(report, state=TaskState.FAILED, why=report.why or (fact(unsaid, AgentName.CO),))),)
-
-
-def _failed(name: str, why: Fact) -> News:
-    return _ended(name, TaskReport(TaskState.FAILED, (why,)))
 
 
 def _ended(name: str, report: TaskReport) -> News:

@@ -4,7 +4,7 @@ A body is believed only through a gate: two or more markers, corners that fit to
 well. A single wrong reading passes none of them.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import cv2
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from velma.eyes import content, detect
 from velma.eyes.detect import Detector
-from velma.eyes.fit import FLOOR_PX, Fit, View, fit, largest, poses
+from velma.eyes.fit import FLOOR_PX, View, fit, largest, poses
 from velma.model.kinds import FURNITURE
 from velma.model.markers import Marker, of_scene
 from velma.model.scene import Scene
@@ -99,19 +99,12 @@ class Eyes:
         stands = fit(view, corners, pixels, starts[0], upright=True)
         best, tipped = stands, False
         if name not in self._furniture and (stands is None or stands.rms_px > TIPPED_PX):
-            lies = _best(fit(view, corners, pixels, start, upright=False) for start in starts)
+            leaning = [one for start in starts if (one := fit(view, corners, pixels, start, upright=False)) is not None]
+            lies = min(leaning, key=lambda one: one.rms_px, default=None)
             tipped = lies is not None and (stands is None or lies.rms_px < TIPPED_SHARE * stands.rms_px)
             best = lies if tipped else stands
-        if best is None or not _believed(best):
+        if best is None or best.rms_px >= MOST_RMS_PX or best.sideways() >= MOST_SIDEWAYS_M:
+            return None
+        if best.sideways() * max(FLOOR_PX, best.rms_px) >= MOST_DEVIATION_M:
             return None
         return Seen(name, best.rotation, best.position, best.covariance(), tipped, best.rms_px, tuple(at))
-
-
-def _believed(found: Fit) -> bool:
-    deviation = found.sideways() * max(FLOOR_PX, found.rms_px)
-    return found.rms_px < MOST_RMS_PX and found.sideways() < MOST_SIDEWAYS_M and deviation < MOST_DEVIATION_M
-
-
-def _best(fits: Iterable[Fit | None]) -> Fit | None:
-    good = [one for one in fits if one is not None]
-    return min(good, key=lambda one: one.rms_px, default=None)

@@ -133,6 +133,16 @@ class AgentLink:
         return _TIMING(found[1]) if found else Timing()
 
 
+def reopened(link: AgentLink | None, path: Path) -> AgentLink:
+    """The link to the loop, or another one where a new loop has replaced its file. Raise SlotError where none is."""
+    if link is not None and not link.file.replaced:
+        return link
+    newer = AgentLink(path)  # where this raises, the old one stays open, and is asked again
+    if link is not None:
+        link.file.close()
+    return newer
+
+
 class StopLink:
     """The end of a person: one byte in a file beside the slots (docs/run-folder.md). It works with every agent dead.
 

@@ -1,5 +1,6 @@
 """ex's agent step by step: each word in each state, told to whom it belongs, and nothing for words of another act."""
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -146,37 +147,36 @@ def test_the_skill_gets_the_act_and_how_the_robot_stands() -> None:
     assert one.state.memory.remembered == KEPT
 
 
-@pytest.mark.parametrize("state", STATES)
-@pytest.mark.parametrize(
-    "word",
-    [
-        Stands(OTHER, FELT),
-        Move(OTHER, MOTION, 3.0, KEPT),
-        Ended(OTHER, KEPT.not_done("m0", "failed", NO_LOOP), KEPT),
-        Lost(OTHER, NO_LOOP, "old"),
-        Passing(OTHER, FELT),
-        GoOn(OTHER, "m1", 0.25),
-        Brake(OTHER, "m1"),
-    ],
+OF_ANOTHER_ACT = (
+    Stands(OTHER, FELT),
+    Move(OTHER, MOTION, 3.0, KEPT),
+    Ended(OTHER, KEPT.not_done("m0", "failed", NO_LOOP), KEPT),
+    Lost(OTHER, NO_LOOP, "old"),
+    Passing(OTHER, FELT),
+    GoOn(OTHER, "m1", 0.25),
+    Brake(OTHER, "m1"),
 )
-def test_words_of_another_act_change_nothing(state: str, word: Any) -> None:
-    """Words of a killed worker are ignored."""
-    one = STATES[state]()
-    memory, place = one.state.memory, one.state.state
-    one.step(Local(word))
-    assert (one.state.memory, one.state.state, one.tells, one.sends()) == (memory, place, [], [])
 
 
-@pytest.mark.parametrize("state", STATES)
-def test_a_second_act_and_a_subscription_are_refused_in_every_state(state: str) -> None:
+def test_words_of_another_act_change_nothing() -> None:
+    """Words of a killed worker are ignored, in every state."""
+    for (name, state), word in itertools.product(STATES.items(), OF_ANOTHER_ACT):
+        one = state()
+        memory, place = one.state.memory, one.state.state
+        one.step(Local(word))
+        assert (one.state.memory, one.state.state, one.tells, one.sends()) == (memory, place, [], []), (name, word)
+
+
+def test_a_second_act_and_a_subscription_are_refused_in_every_state() -> None:
     """The act under way goes on."""
-    one = STATES[state]()
-    place = one.state.state
-    ask(one, rc.Look("l1", ((1.0, 0.0, 1.0),)), "t2")
-    assert said(one) == [(P.REFUSE, "t2", rc.NotDone("l1", "busy", (fact(Kind.BUSY, "ex"),)))]
-    one.hears("ta", "subscribe", P.SUBSCRIBE, talk="s1")
-    assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")]
-    assert one.state.state == place
+    for name, state in STATES.items():
+        one = state()
+        place = one.state.state
+        ask(one, rc.Look("l1", ((1.0, 0.0, 1.0),)), "t2")
+        assert said(one) == [(P.REFUSE, "t2", rc.NotDone("l1", "busy", (fact(Kind.BUSY, "ex"),)))], name
+        one.hears("ta", "subscribe", P.SUBSCRIBE, talk="s1")
+        assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")], name
+        assert one.state.state == place, name
 
 
 def test_a_subscription_is_refused_at_rest() -> None:
