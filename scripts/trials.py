@@ -31,6 +31,7 @@ LEAST_S, PATIENCE, TEST_S = 15.0, 2, 15
 """A trial may take LEAST_S and PATIENCE times what its tests take unchanged and traced, one test TEST_S; estimates."""
 ARGUMENTS = ["-q", "-x", "-m", "not long", "-p", "no:rerunfailures", "--hypothesis-seed=0"]
 ARGUMENTS += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]
+ARGUMENTS += ["--hypothesis-profile=many"]  # all the examples of a test: tests/conftest.py
 
 
 @dataclass

@@ -68,7 +68,7 @@ class Voice:
         return len(data)
 
     def hear(self, until: float) -> Iterator[Communicate]:
-        """Return the next message heard until then [unix s]."""
+        """The next message heard until then [unix s]."""
         while (left := until - time.time()) > 0:
             try:
                 yield decode_strictly(self._heard.get(left))
@@ -120,7 +120,7 @@ class StandIn:
 
     @property
     def incarnation(self) -> int:
-        """Return the number of this life of the agent."""
+        """The number of this life of the agent."""
         return self._record.incarnation
 
     def name(self) -> str:
@@ -129,7 +129,7 @@ class StandIn:
         return f"{self._record.agent}-{self._record.incarnation}-{self._record.counter}"
 
     def unreceipted(self, peer: str) -> int:
-        """Return the number of durable messages without a receipt; the next life sends them again."""
+        """The number of durable messages without a receipt; the next life sends them again."""
         return len(self._record.outbox.get(peer, ()))
 
     def say(self, communicate: Communicate, *, labelled: bool) -> Communicate:
@@ -150,7 +150,7 @@ class StandIn:
         return one
 
     def hear(self, until: float, *, unless_receipted: str = "") -> Iterator[Communicate]:
-        """Return messages to the agent, each once, until then [unix s]; meanwhile it pongs, receipts and sends again.
+        """Messages to the agent, each once, until then [unix s]; meanwhile it pongs, receipts and sends again.
 
         `unless_receipted`: no longer than this peer owes a receipt.
         """
@@ -262,7 +262,7 @@ def living(session: zenoh.Session, system: str, agent: str) -> list[int]:
 
 
 def opened(endpoint: str, patience_s: float, tls: dict[str, Any] | None = None) -> zenoh.Session:
-    """Return a session at a router, or with an agent. Raise StandInError where nobody answers in time."""
+    """A session at a router, or with an agent. Raise StandInError where nobody answers in time."""
     until = time.monotonic() + patience_s
     session = open_client(endpoint, lambda: time.monotonic() > until, tls=tls)
     if session is None:
@@ -389,7 +389,7 @@ class Cast:
         return one
 
     def hear(self, timeout_s: float) -> Communicate | None:
-        """Return the agent's next message, each once and in the order of each stream; None: nothing in time."""
+        """The agent's next message, each once and in the order of each stream; None: nothing in time."""
         until = time.monotonic() + timeout_s
         while True:
             left = until - time.monotonic()

@@ -89,17 +89,17 @@ Expression = Action | Proposition | Descriptor | Embedded
 
 
 def done(action: Action) -> Proposition:
-    """Return the content of an `inform-done` of FIPA's protocol diagrams."""
+    """The content of an `inform-done` of FIPA's protocol diagrams."""
     return Proposition("done", (action,))
 
 
 def result(action: Action, value: Term) -> Proposition:
-    """Return the content of an `inform-result` of FIPA's protocol diagrams."""
+    """The content of an `inform-result` of FIPA's protocol diagrams."""
     return Proposition("result", (action, value))
 
 
 def denotes(descriptor: Descriptor, value: Term) -> Proposition:
-    """Return the answer to a query-ref: the object that the descriptor denotes."""
+    """The answer to a query-ref: the object that the descriptor denotes."""
     return Proposition("=", (descriptor, value))
 
 
@@ -115,7 +115,7 @@ def check_expression(expression: Expression) -> None:
 
 
 def _free(term: Term, depth: int) -> frozenset[str]:
-    """Return the free variables of a term."""
+    """The free variables of a term."""
     if depth > MAX_DEPTH:
         raise ContentError("content", f"is nested deeper than {MAX_DEPTH} expressions")
     if isinstance(term, float) and not math.isfinite(term):
@@ -193,7 +193,7 @@ class Content(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True,
 
 
 def content_of(performative: P, *expressions: Expression, last: bool = False) -> Content:
-    """Return the content of an outgoing act. Raise LocalProtocolError if the act does not carry these expressions."""
+    """The content of an outgoing act. Raise LocalProtocolError if the act does not carry these expressions."""
     content = Content(expressions, last)
     try:
         check_content(performative, content)

@@ -94,7 +94,7 @@ _checked: set[tuple[str, str, str, str, str]] = set()
 
 
 def encode(communicate: Communicate) -> bytes:
-    """Return the bytes of a communicate. Raise LocalProtocolError if the receiver could not decode them."""
+    """The bytes of a communicate. Raise LocalProtocolError if the receiver could not decode them."""
     try:
         data = _encode(communicate)
         times = communicate.sent + (communicate.reply_by or 0.0)
@@ -111,7 +111,7 @@ def encode(communicate: Communicate) -> bytes:
 
 
 def decode(data: bytes) -> Communicate:
-    """Return the communicate in `data`, which need not be trusted.
+    """The communicate in `data`, which need not be trusted.
 
     Raise MalformedError with the field and the reason.
     """
@@ -129,7 +129,7 @@ def decode(data: bytes) -> Communicate:
 
 
 def encode_strictly(communicate: Communicate) -> bytes:
-    """Return what `encode` returns. Raise LocalProtocolError also for text that is not a valid word or label."""
+    """What `encode` returns. Raise LocalProtocolError also for text that is not a valid word or label."""
     try:
         check_text(communicate)
     except MalformedError as error:
@@ -138,7 +138,7 @@ def encode_strictly(communicate: Communicate) -> bytes:
 
 
 def decode_strictly(data: bytes) -> Communicate:
-    """Return what `decode` returns, safe to print and translate.
+    """What `decode` returns, safe to print and translate.
 
     Raise MalformedError also for text that is not a valid word or label.
     """
@@ -182,7 +182,7 @@ def is_label(text: str) -> bool:
 
 
 def number_of(text: str) -> int | None:
-    """Return the number that ASCII digits say; None for other text, and for more digits than a counter ever has.
+    """The number that ASCII digits say; None for other text, and for more digits than a counter ever has.
 
     int() takes other digits too, and raises ValueError beyond 4300.
     """
@@ -190,7 +190,7 @@ def number_of(text: str) -> int | None:
 
 
 def envelope_size(communicate: Communicate) -> int:
-    """Return the encoded size without the content [bytes]."""
+    """The encoded size without the content [bytes]."""
     return len(_encode(msgspec.structs.replace(communicate, content=msgspec.UNSET)))
 
 
@@ -199,7 +199,7 @@ UNREADABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError, MemoryEr
 
 
 def explain(error: Exception, whole: str, letters: dict[str, str] | None = None) -> tuple[str, str]:
-    """Return field and reason of an exception that msgspec raised on foreign bytes.
+    """Field and reason of an exception that msgspec raised on foreign bytes.
 
     `letters` maps attribute names to wire names. Besides its own errors msgspec passes on RecursionError (nesting),
     UnicodeDecodeError and MemoryError (wrong lengths); all are the sender's fault.
@@ -217,7 +217,7 @@ def explain(error: Exception, whole: str, letters: dict[str, str] | None = None)
 
 
 def _missing(text: str) -> str:
-    """Return the field named inside msgspec's message: missing and unknown fields have no path."""
+    """The field named inside msgspec's message: missing and unknown fields have no path."""
     _, _, rest = text.partition("required field `")
     if not rest:
         _, _, rest = text.partition("unknown field `")

@@ -45,7 +45,7 @@ class Needs(StrEnum):
 
 @lru_cache(maxsize=1024)
 def needs(protocol: Protocol, performative: Performative) -> Needs:
-    """Return what a message of this protocol needs; looked up once for each act, since it is asked of every message.
+    """What a message of this protocol needs; looked up once for each act, since it is asked of every message.
 
     FIPA requires a reply-with of no act (SC00061G): a cfp may have none. So may a cancel, or it has that of the opening
     it cancels: JADE's SubscriptionInitiator sends both kinds.
@@ -100,7 +100,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     @classmethod
     def open(cls, protocol: str | Protocol, role: Role, *, id: str, me: str, peer: str) -> Self:
-        """Return a conversation before its first message.
+        """A conversation before its first message.
 
         Raise LocalProtocolError if the protocol is unknown, `id` is not a label, or `me` or `peer` (if not "") is not a
         word.
@@ -115,7 +115,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     @classmethod
     def answering(cls, communicate: Communicate, me: str) -> Self:
-        """Return the participant's conversation for a communicate of no known conversation; then `receive` it.
+        """The participant's conversation for a communicate of no known conversation; then `receive` it.
 
         For openings, and for a cancel that came too late (`request`: answer failure; `coordinate`: drop it). Raise
         RemoteProtocolError if m_c, the sender or a known protocol is missing, MalformedError for text that is not a
@@ -153,7 +153,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return self.deadline is not None and now > self.deadline
 
     def allowed(self, way: Way) -> tuple[str, ...]:
-        """Return the messages that this side may send, or must accept, in this state, as words for people."""
+        """The messages that this side may send, or must accept, in this state, as words for people."""
         return tuple(row.word for row in self.table.allowed(self.state, way))
 
     def takes(self, communicate: Communicate, kind: Kind = _PLAIN) -> bool:
@@ -165,7 +165,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return True
 
     def receive(self, communicate: Communicate, kind: Kind = _PLAIN) -> Self:
-        """Return the conversation after a message of the peer; `kind` is the kind by the content's language.
+        """The conversation after a message of the peer; `kind` is the kind by the content's language.
 
         It has no clock, and takes a late answer like any other: ask `late(now)` before. A not-understood ends the
         conversation, or in reply to the cancel only fails that (SC00037J); after it everything is taken and ignored.
@@ -210,7 +210,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         in_reply_to: str | None = None,
         reply_by: float | None = None,
     ) -> tuple[Self, Communicate]:
-        """Return the conversation after a message of this side, and the message, which the caller transmits.
+        """The conversation after a message of this side, and the message, which the caller transmits.
 
         `id` is the message's label, and its reply-with if it needs one. `now`: when it is sent; `reply_by`: until when
         its answer should come (SC00061G) [unix s, UTC]. `content` is encoded, in `language`. `in_reply_to` None: the
@@ -266,7 +266,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return row
 
     def kind_of(self, performative: Performative, reply_to: str, kind: Kind) -> Kind:
-        """Return the kind of the row for a message. Only informs are distinguished by their content."""
+        """The kind of the row for a message. Only informs are distinguished by their content."""
         if performative is _CONFIRM:
             # First: each side chooses its own labels, so the confirmed message may have the label of the cancel.
             known = dict(self.unconfirmed)
@@ -276,12 +276,10 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
                     "in_reply_to", f"{self._here}: {reply_to!r} is not one of the unconfirmed: {expected}"
                 )
             return known[reply_to]
-        if reply_to and reply_to == self.cancel and (kind is _OF_CANCEL or not self._means_the_opening(performative)):
-            return _OF_CANCEL
-        if kind is _OF_CANCEL:
-            if reply_to == self.cancel:  # a cancel without a label, or none: the tables know
-                return _OF_CANCEL
+        if kind is _OF_CANCEL and reply_to != self.cancel:  # "": a cancel without a label, or none: the tables know
             raise LocalProtocolError("in_reply_to", f"{self._here}: is {reply_to!r}, the cancel is {self.cancel!r}")
+        if kind is _OF_CANCEL or (reply_to and reply_to == self.cancel and not self._means_the_opening(performative)):
+            return _OF_CANCEL
         return kind if performative is _INFORM else _PLAIN
 
     def _require_mine(self, communicate: Communicate) -> None:
@@ -326,7 +324,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             raise LocalProtocolError("reply_with", f"{self._here}: {reply_with!r} was used before, this is a copy")
 
     def _answerable(self, way: Way) -> tuple[str, ...]:
-        """Return m_w that a message of the sender may answer: those of the other side."""
+        """M_w that a message of the sender may answer: those of the other side."""
         if way is SEND:
             return (self.asked, *self.heard) if self.role is _PARTICIPANT else self.heard
         return (self.asked,) if self.role is _INITIATOR else ()
@@ -336,7 +334,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return self.cancel == self.asked and not self._answers_only_cancel(performative, _PLAIN)
 
     def _label(self, need: Needs, id: str) -> str:
-        """Return m_w, "" if nothing will refer to the message; a repeated opening has that of the first one."""
+        """M_w, "" if nothing will refer to the message; a repeated opening has that of the first one."""
         if not is_label(id):
             raise LocalProtocolError("id", f"{self._here}: a message needs an id that matches {LABEL}, not {id!r}")
         if need is _SAME:
@@ -344,7 +342,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return "" if need is _NOTHING else id
 
     def _default_reply(self, need: Needs, performative: Performative, kind: Kind) -> str:
-        """Return m_t. In coordinate the paper leaves it empty in request, inform and cancel, and sets it in confirm."""
+        """M_t. In coordinate the paper leaves it empty in request, inform and cancel, and sets it in confirm."""
         if kind is _OF_CANCEL or (self.cancel and self._answers_only_cancel(performative, kind)):
             return self.cancel
         if performative is _CONFIRM:
@@ -393,7 +391,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         )
 
     def _cancel_after(self, row: Row) -> str:
-        """Return m_w of the pending cancel; none after a cancel that failed without ending the conversation."""
+        """M_w of the pending cancel; none after a cancel that failed without ending the conversation."""
         return "" if row.kind is _OF_CANCEL and row.to not in self.table.ended else self.cancel
 
     def _past_after(self, row: Row, opens: bool) -> tuple[str, ...]:
@@ -403,7 +401,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return (*self.past, over) if over and over != self.asked else self.past
 
     def _next_deadline(self, row: Row) -> float | None:
-        """Return the deadline after a message without reply-by.
+        """The deadline after a message without reply-by.
 
         An answer clears it. A repetition, and a message that crosses the cancel, is not an answer.
         """
@@ -424,7 +422,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
 
 def _act(performative: Performative | str) -> Performative:
-    """Return the performative, also of its name. Raise LocalProtocolError where there is no such act."""
+    """The performative, also of its name. Raise LocalProtocolError where there is no such act."""
     if type(performative) is Performative:
         return performative
     try:

@@ -32,11 +32,11 @@ class Configuration(NamedTuple):
     to_participant: tuple[Message, ...] = ()
 
     def state(self, role: Role) -> str:
-        """Return the state of a role."""
+        """The state of a role."""
         return self.initiator if role is Role.INITIATOR else self.participant
 
     def inbound(self, role: Role) -> tuple[Message, ...]:
-        """Return the messages in transit to a role."""
+        """The messages in transit to a role."""
         return self.to_initiator if role is Role.INITIATOR else self.to_participant
 
 
@@ -96,12 +96,12 @@ def explore(protocol: Protocol, capacity: int = CAPACITY) -> Exploration:
 
 
 def edges(protocol: Protocol, capacity: int = CAPACITY) -> dict[Configuration, list[tuple[Step, Configuration]]]:
-    """Return every reachable configuration, the initial one first, with its steps and their successors."""
+    """Every reachable configuration, the initial one first, with its steps and their successors."""
     return _Search(protocol, capacity).edges
 
 
 def shortest(protocol: Protocol) -> tuple[Step, ...]:
-    """Return the steps of a shortest conversation to the end: both ended or resting, no message in transit."""
+    """The steps of a shortest conversation to the end: both ended or resting, no message in transit."""
     search = _Search(protocol, 1)
     first = next(iter(search.parents))
     end = next((here for here in search.parents if here != first and search._finished(here)), None)
@@ -109,7 +109,7 @@ def shortest(protocol: Protocol) -> tuple[Step, ...]:
 
 
 def with_not_understood(protocol: Protocol) -> Protocol:
-    """Return the protocol with the rule of not-understood as rows, so that it can be explored too.
+    """The protocol with the rule of not-understood as rows, so that it can be explored too.
 
     Either role may send not-understood once the conversation is open. It ends the conversation for its sender, who
     ignores what is still in transit, and for its receiver. A conversation that has ended keeps its state.
@@ -164,7 +164,7 @@ class _Search:
                 )
 
     def _reception(self, here: Configuration, role: Role) -> Row | None:
-        """Return the row for the first message in transit; None also while the role must send first."""
+        """The row for the first message in transit; None also while the role must send first."""
         table, state, inbound = self.protocol.tables[role], here.state(role), here.inbound(role)
         return table.find(state, RECEIVE, *inbound[0]) if inbound and state not in table.urgent else None
 
@@ -214,7 +214,7 @@ class _Search:
 def _configuration(
     role: Role, state: str, inbound: tuple[Message, ...], other: str, outbound: tuple[Message, ...]
 ) -> Configuration:
-    """Return the configuration whose parts are given from the view of `role`."""
+    """The configuration whose parts are given from the view of `role`."""
     if role is Role.INITIATOR:
         return Configuration(state, other, inbound, outbound)
     return Configuration(other, state, outbound, inbound)

@@ -55,7 +55,7 @@ class ClassInterfaceInfo:
         return len(self._named)
 
     def named(self, name: str) -> Entry:
-        """Return the entry of this name. Raise LocalProtocolError, with the known names, if there is none."""
+        """The entry of this name. Raise LocalProtocolError, with the known names, if there is none."""
         if name not in self._named:
             raise LocalProtocolError("interface", f"{name!r} is unknown, known are {', '.join(sorted(self._named))}")
         return self._named[name]
@@ -72,7 +72,7 @@ class ClassInterfaceInfo:
                         raise LocalProtocolError("interface", f"{entry}: {wanted.__name__} is not in {used.name}")
 
     def entry_for(self, performative: Performative, content: object) -> Entry:
-        """Return the entry for a received sentence. Raise ContentError (answer: refuse) if there is none."""
+        """The entry for a received sentence. Raise ContentError (answer: refuse) if there is none."""
         entry = self._by_class.get((performative, type(content)))
         if entry is None:
             offered = "; ".join(str(e) for e in self if e.performative is performative) or "nothing"
@@ -81,7 +81,7 @@ class ClassInterfaceInfo:
         return entry
 
     def check_arguments(self, name: str, arguments: Sequence[object]) -> Entry:
-        """Return the entry of this name if the arguments have its classes in order.
+        """The entry of this name if the arguments have its classes in order.
 
         Raise ContentError (answer: refuse) with the first wrong argument.
         """
@@ -110,5 +110,5 @@ def _performative(word: str) -> Performative:
 
 
 def _classes(answer: Any) -> tuple[type, ...]:
-    """Return the classes of a union, of one class, or of None."""
+    """The classes of a union, of one class, or of None."""
     return () if answer is None else tuple(get_args(answer) or (answer,))

@@ -68,7 +68,7 @@ class Language:
         return f"Language({self.name!r}, {len(self.classes)} classes)"
 
     def encode(self, content: object, performative: Performative | None = None) -> msgspec.Raw:
-        """Return a sentence as content of a communicate.
+        """A sentence as content of a communicate.
 
         Raise LocalProtocolError if its class is not in this language, if `performative` (where given) does not carry
         it, or if it is too long. Checked here, before an agent journals the message, since it would re-send it for
@@ -93,7 +93,7 @@ class Language:
         return msgspec.Raw(data)
 
     def decode(self, raw: bytes | msgspec.Raw) -> Any:
-        """Return the sentence in `raw`, an object of one of `classes`.
+        """The sentence in `raw`, an object of one of `classes`.
 
         Raise ContentError with the field and the reason.
         """
@@ -106,7 +106,7 @@ class Language:
             raise ContentError(field, f"does not fit language {self.name}: {reason}") from error
 
     def kind(self, content: object) -> Kind:
-        """Return the kind of a sentence."""
+        """The kind of a sentence."""
         return self._kind(content) if self._kind else _PLAIN
 
     def _known(self) -> str:
@@ -131,13 +131,13 @@ class Languages:
         return tuple(sorted(self._named))
 
     def named(self, name: str) -> Language:
-        """Return the language of this name. Raise LocalProtocolError, with the known names, if there is none."""
+        """The language of this name. Raise LocalProtocolError, with the known names, if there is none."""
         if name not in self._named:
             raise LocalProtocolError("language", f"{name!r} is unknown, known are {', '.join(self.names)}")
         return self._named[name]
 
     def read(self, communicate: Communicate) -> tuple[Any, Kind]:
-        """Return content (None if absent) and kind of a received communicate, decoded in the language it names.
+        """Content (None if absent) and kind of a received communicate, decoded in the language it names.
 
         Raise ContentError if the language is unknown or absent, or the content does not fit it.
         """

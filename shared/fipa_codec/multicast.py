@@ -36,7 +36,7 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @classmethod
     def opened(cls, talks: Iterable[Conversation]) -> Self:
-        """Return the multicast of conversations whose openings were just sent.
+        """The multicast of conversations whose openings were just sent.
 
         Raise LocalProtocolError if id, protocol or initiator differ, a participant is there twice, or a conversation is
         in another state.
@@ -51,7 +51,7 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         return cls(found)
 
     def noted(self, talk: Conversation, now: float) -> Self:
-        """Return the multicast after a message of either side at `now` [unix s].
+        """The multicast after a message of either side at `now` [unix s].
 
         `talk` is what `send` or `receive` of that participant's conversation returned. Who had not answered by then
         and is late at `now` stays late (SC00029H: a proposal after reply-by is rejected); a new round forgets it.
@@ -74,7 +74,7 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         )
 
     def broken(self, peer: str) -> Self:
-        """Return the multicast after this agent answered a message of a participant with not-understood.
+        """The multicast after this agent answered a message of a participant with not-understood.
 
         The conversation with that participant has ended, the others go on, as in JADE.
         Raise LocalProtocolError if there is no such participant.
@@ -85,7 +85,7 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
     # --- participants -------------------------------------------------------------------------------------------------
 
     def talk(self, peer: str) -> Conversation:
-        """Return the conversation with a participant.
+        """The conversation with a participant.
 
         Raise LocalProtocolError, with the participants, if there is none.
         """
@@ -96,11 +96,11 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         raise LocalProtocolError("receiver", f"{peer!r} is not a participant of {self.talks[0].id}, these are: {known}")
 
     def awaited(self, now: float) -> tuple[str, ...]:
-        """Return who has not answered in this round and still can in time at `now` [unix s] (reply-by, SC00061G)."""
+        """Who has not answered in this round and still can in time at `now` [unix s] (reply-by, SC00061G)."""
         return tuple(talk.peer for talk in self.talks if self._unanswered(talk) and not talk.late(now))
 
     def silent(self, now: float) -> tuple[str, ...]:
-        """Return who has not answered and is late at `now` [unix s]."""
+        """Who has not answered and is late at `now` [unix s]."""
         return tuple(talk.peer for talk in self.talks if self._unanswered(talk) and talk.late(now))
 
     @property
@@ -117,7 +117,7 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         return all(talk.ended or (self._unanswered(talk) and talk.late(now)) for talk in self.talks)
 
     def outcome(self, peer: str, now: float) -> str:
-        """Return the final state with a participant at `now` [unix s], "" while the conversation is open.
+        """The final state with a participant at `now` [unix s], "" while the conversation is open.
 
         A participant that had not answered at reply-by counts as refused in a contract net and as failed elsewhere,
         whatever it sends later; the initiator must cancel a subscription or an act that was agreed too late. SC00029H
@@ -137,7 +137,7 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         return tuple((peer, P.REJECT_PROPOSAL) for peer in self._offered if peer in self.late)
 
     def award(self, *chosen: str) -> Outgoing:
-        """Return the messages that accept the chosen proposals, if any, and reject all others (SC00029H).
+        """The messages that accept the chosen proposals, if any, and reject all others (SC00029H).
 
         Nothing is sent: `send` each in `talk(peer)`, and `noted` the result. Raise LocalProtocolError if a chosen
         participant has no open proposal.
@@ -145,7 +145,7 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         return self._choose(P.ACCEPT_PROPOSAL, chosen)
 
     def call_again(self, *chosen: str) -> Outgoing:
-        """Return the messages that call the chosen participants again and reject all other proposals (SC00030H).
+        """The messages that call the chosen participants again and reject all other proposals (SC00030H).
 
         Raise LocalProtocolError if the protocol has no rounds, after an award, or if a chosen participant has no open
         proposal.
@@ -188,7 +188,7 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 def _asked_states(protocol: str) -> frozenset[str]:
-    """Return the initiator's states after its opening or a new round."""
+    """The initiator's states after its opening or a new round."""
     found = named(protocol)
     rows = found.tables[Role.INITIATOR]
     return frozenset(row.to for row in rows if row.way is SEND and row.performative in found.openings)

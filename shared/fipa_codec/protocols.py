@@ -136,12 +136,12 @@ class Pending(NamedTuple):
 
 
 def pending(*states: S) -> dict[S, Pending]:
-    """Return the states `cancelling-x` and `stopping-x` for each open state x."""
+    """The states `cancelling-x` and `stopping-x` for each open state x."""
     return {state: Pending(S(f"cancelling-{state}"), S(f"stopping-{state}")) for state in states}
 
 
 def mirrored(rows: Iterable[Row]) -> tuple[Row, ...]:
-    """Return the same arrows from the view of the other role."""
+    """The same arrows from the view of the other role."""
     return tuple(row._replace(way=RECEIVE if row.way is SEND else SEND) for row in rows)
 
 
@@ -156,7 +156,7 @@ def cancellable(
     rounds: Iterable[P] = (),
     resting: Iterable[S] = (),
 ) -> Protocol:
-    """Return the protocol of a diagram (`rows`, from the view of the initiator) with cancel.
+    """The protocol of a diagram (`rows`, from the view of the initiator) with cancel.
 
     `ended`: final states of the diagram. `pending`: its open states after the opening. `failure_ends`: whether a failed
     cancel ends the conversation too; otherwise the conversation continues in its state. `resting`: open states that may

@@ -40,7 +40,7 @@ class ProxyRequest(NamedTuple):
 def proxy_content(
     performative: Performative, targets: Descriptor, message: Communicate, condition: Proposition
 ) -> Content:
-    """Return the content of a proxy or propagate. Raise LocalProtocolError if the message opens no known protocol."""
+    """The content of a proxy or propagate. Raise LocalProtocolError if the message opens no known protocol."""
     content = content_of(performative, targets, Embedded(message), condition)
     try:
         proxy_request(content)
@@ -50,7 +50,7 @@ def proxy_content(
 
 
 def proxy_request(content: Content) -> ProxyRequest:
-    """Return the parts of the content of a received proxy or propagate.
+    """The parts of the content of a received proxy or propagate.
 
     Raise ContentError if the embedded message opens no known protocol, or the content is of another act.
     """
@@ -78,18 +78,18 @@ def _require_opening(message: Communicate) -> None:
 def ask_target(
     message: Communicate, *, broker: str, target: str, conversation: str, id: str, now: float
 ) -> tuple[Conversation, Communicate]:
-    """Return the broker's conversation with a target, with an id of its own, and M as sent by the broker."""
+    """The broker's conversation with a target, with an id of its own, and M as sent by the broker."""
     talk = Conversation.open(message.protocol, Role.INITIATOR, id=conversation, me=broker, peer=target)
     return _sent(talk, message, id=id, now=now)
 
 
 def relay_content(answer: Communicate, *, last: bool = False) -> Content:
-    """Return the content of the inform that relays a target's answer; `last`: no other will follow."""
+    """The content of the inform that relays a target's answer; `last`: no other will follow."""
     return content_of(Performative.INFORM, Proposition(ANSWERED, (answer.sender, Embedded(answer))), last=last)
 
 
 def relayed_answer(content: Content) -> Communicate | None:
-    """Return the target's answer in an inform of a broker; None if there is none (the message was forwarded)."""
+    """The target's answer in an inform of a broker; None if there is none (the message was forwarded)."""
     match content.expressions:
         case (Proposition(predicate=predicate, terms=(str(), Embedded(message))),) if predicate == ANSWERED:
             return message
@@ -112,7 +112,7 @@ def embedded_message(
     ontology: str = "",
     reply_by: float | None = None,
 ) -> Communicate:
-    """Return M, to be embedded in a proxy, from `receiver`, the agent that gets the answers of a recruiting.
+    """M, to be embedded in a proxy, from `receiver`, the agent that gets the answers of a recruiting.
 
     M is addressed to nobody, since the target is not known yet. Other arguments and errors as of `Conversation.send`.
     """
@@ -124,12 +124,12 @@ def embedded_message(
 
 
 def addressed(message: Communicate, target: str) -> Communicate:
-    """Return M as the recruiter propagates it to a target."""
+    """M as the recruiter propagates it to a target."""
     return replace(message, receiver=target)
 
 
 def target_conversation(message: Communicate, me: str, kind: Kind = Kind.PLAIN) -> Conversation:
-    """Return the target's conversation with the sender of a propagated M, as if M had been sent directly.
+    """The target's conversation with the sender of a propagated M, as if M had been sent directly.
 
     Raise RemoteProtocolError if M is not for `me`, lacks sender, protocol or id, or does not open its protocol.
     """
@@ -139,7 +139,7 @@ def target_conversation(message: Communicate, me: str, kind: Kind = Kind.PLAIN) 
 
 
 def receiver_conversation(message: Communicate, target: str) -> Conversation:
-    """Return the conversation with `target` of the agent that gets the answers, as if it had sent M directly."""
+    """The conversation with `target` of the agent that gets the answers, as if it had sent M directly."""
     talk = Conversation.open(message.protocol, Role.INITIATOR, id=message.conversation, me=message.sender, peer=target)
     return _sent(talk, message, id=message.reply_with, now=message.sent)[0]
 

@@ -99,22 +99,22 @@ class Table:
         return mine == (other._rows, other.ended, other.urgent, other.resting)
 
     def find(self, state: str, way: Way, performative: Performative, kind: Kind = Kind.PLAIN) -> Row | None:
-        """Return the row, or None if the message is not allowed in this state."""
+        """The row, or None if the message is not allowed in this state."""
         return self._rows.get((state, way, performative, kind))
 
     def allowed(self, state: str, way: Way) -> tuple[Row, ...]:
-        """Return all rows of a state in one way."""
+        """All rows of a state in one way."""
         return tuple(row for row in self if row.state == state and row.way is way)
 
     def without(self, state: str, way: Way, performative: Performative, kind: Kind = Kind.PLAIN) -> "Table":
-        """Return the table without one row. Raise LocalProtocolError if there is no such row."""
+        """The table without one row. Raise LocalProtocolError if there is no such row."""
         gone = self.find(state, way, performative, kind)
         if gone is None:
             raise LocalProtocolError("rows", f"no row for {performative}[{kind}] ({way}) in state {state}")
         return self.only(row for row in self if row is not gone)
 
     def with_rows(self, *rows: Row) -> "Table":
-        """Return the table with these rows; each replaces the row of the same message and state, if there is one."""
+        """The table with these rows; each replaces the row of the same message and state, if there is one."""
         merged = self._rows | {row[:4]: row for row in rows}
         return self.only(merged.values())
 
@@ -159,7 +159,7 @@ class Protocol:
         return alike and all(table.same_as(other.tables[role]) for role, table in self.tables.items())
 
     def with_tables(self, *, initiator: Table | None = None, participant: Table | None = None) -> Self:
-        """Return the protocol with other tables: a variant to be explored, not to be registered."""
+        """The protocol with other tables: a variant to be explored, not to be registered."""
         return type(self)(
             self.name,
             initiator=initiator or self.tables[Role.INITIATOR],
@@ -177,13 +177,13 @@ class _Registry(dict[str, Protocol]):
 
 _registered = _Registry()
 named: Callable[[str], Protocol] = _registered.__getitem__
-"""Return the protocol of a name or alias. Raise LocalProtocolError, with the known names, if there is none.
+"""The protocol of a name or alias. Raise LocalProtocolError, with the known names, if there is none.
 
 The protocol of a system is known once the module that registers it is imported."""
 
 
 def known() -> tuple[Protocol, ...]:
-    """Return every registered protocol once, in the order of registration."""
+    """Every registered protocol once, in the order of registration."""
     return tuple(dict.fromkeys(_registered.values()))
 
 

@@ -1,14 +1,11 @@
 """Somebody else speaks with an agent's key: no word is lost in silence, none is taken twice, order is kept."""
 
-from functools import partial
 from typing import Any
 
 import msgspec
 import pytest
 from driven import Driven, recording, request
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from toy_agents import LANGUAGES, Double, Want, asker, server, wirings
+from toy_agents import Want, asker, wirings
 
 from agent_runtime.core import duplicate_digests, reception
 from agent_runtime.core.duplicate_digests import JUMP, KEPT, digest_of, preceding
@@ -16,27 +13,10 @@ from agent_runtime.core.effects import Effects
 from agent_runtime.core.events import Arrived, Broken, Local, PeerChanged, Receipted, Tick
 from agent_runtime.core.state import restored
 from agent_runtime.core.turn import Turn
-from agent_runtime.testing.memory_bus import Faults, MemoryBus
-from fipa_codec.communicate import Communicate, decode, encode
+from fipa_codec.communicate import decode, encode
 from fipa_codec.performatives import Performative as P
 
-STOLEN = 99
 TOLD = "another speaker"
-
-
-def stolen(number: int) -> Communicate:
-    """A thief's request in the asker's name."""
-    return Communicate(
-        performative=P.REQUEST,
-        sender="asker",
-        receiver="server",
-        protocol="request",
-        conversation=f"thief-{number}",
-        id=str(number),
-        reply_with=str(number),
-        language="SUM",
-        content=LANGUAGES.named("SUM").encode(Double(STOLEN)),
-    )
 
 
 def told(effects: Effects) -> list[str]:
@@ -250,84 +230,9 @@ def test_each_word_says_which_one_it_follows() -> None:
     assert preceding(one.state, second.communicate) == (b"", 1)
 
 
-# --- both, and a thief ------------------------------------------------------------------------------------------------
-
-
-def toy_wires(*wanted: int, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
-    """Asker and server on the wires."""
-    wires = MemoryBus(seed=seed, faults=faults)
-    to_server, to_asker = wirings()
-    wires.add(asker(*wanted), to_server)
-    wires.add(server(), to_asker)
-    return wires
-
-
-def answers(wires: MemoryBus) -> tuple[tuple[int, int], ...]:
-    """Return the asker's answers so far."""
-    found: tuple[tuple[int, int], ...] = wires.memory("asker").answers
-    return found
-
-
-def steal(wires: MemoryBus, ahead: int) -> None:
-    """Say a word in the asker's name, that many numbers after the last one that the server took."""
-    node = wires.nodes["server"]
-    if node.journal is not None:
-        taken = restored(node.core.agent, node.journal).taken.get("asker", 0)
-        wires.deliver(stolen(max(1, taken + ahead)), ("asker-journal-1", "server-journal-1"))
-
-
-@given(
-    seed=st.integers(0, 2**32),
-    loss=st.sampled_from([0.0, 0.1, 0.3]),
-    delay=st.sampled_from([0.0, 0.4]),
-    crash=st.sampled_from([0.0, 0.05]),
-    thefts=st.lists(st.tuples(st.floats(0.0, 3.0), st.integers(-1, 3)), max_size=KEPT - 2),
-)
-@settings(max_examples=100, deadline=None)
-def test_whatever_a_thief_says_each_request_is_worked_on_once(
-    seed: int, loss: float, delay: float, crash: float, thefts: list[tuple[float, int]]
-) -> None:
-    """In order, and answered, under losses, copies, delays and deaths."""
-    wires = toy_wires(*range(6), seed=seed, faults=Faults(loss=loss, duplication=0.2, delay=delay, crash=crash))
-    for at, ahead in thefts:
-        wires.call(at, partial(steal, wires, ahead))
-    wires.run(lambda: len(answers(wires)) == 6, limit_s=3600.0)
-    wires.faults = Faults()
-    wires.run(lambda: wires.up("asker") and wires.up("server"))
-    assert answers(wires) == tuple((n, 2 * n) for n in range(6))
-    assert tuple(n for n in wires.memory("server").done if n != STOLEN) == tuple(range(6))
-
-
-def test_an_old_copy_of_a_journal_that_is_put_back_loses_no_word() -> None:
-    """Its agent finds its numbers used: it says new words after them."""
-    wires = toy_wires()
-    wires.run_for(1.0)
-    old = wires.nodes["asker"].journal
-    wires.post("asker", Want(1))
-    wires.run(lambda: len(answers(wires)) == 1)
-    wires.kill("asker")
-    wires.nodes["asker"].journal = old
-    wires.post("asker", Want(2))
-    wires.run(lambda: answers(wires) == ((2, 4),))
-    assert wires.memory("server").done == (1, 2)
-
-
-def test_a_thief_who_always_says_the_next_number_is_passed() -> None:
-    """It answers each receipt at once with the number after it, faster than the asker's disk."""
-    wires = toy_wires(1, 2, 3)
-
-    def answered(agent: str, effects: Effects) -> None:
-        if agent == "server" and effects.receipts:
-            steal(wires, 1)
-
-    wires.on_step = answered
-    wires.run(lambda: len(answers(wires)) == 3, limit_s=60.0)
-    assert answers(wires) == ((1, 2), (2, 4), (3, 6))
-
-
 def test_the_digest_of_a_word_is_of_all_it_says() -> None:
     """Each field counts, its number too."""
-    word = stolen(1)
+    word = request(1).communicate
     for field, value in {"id": "2", "conversation": "b", "sent": 5.0, "performative": P.AGREE, "reply_by": 3.0}.items():
         assert digest_of(msgspec.structs.replace(word, **{field: value})) != digest_of(word)
     assert len(digest_of(word)) == duplicate_digests.DIGEST_BYTES

@@ -4,14 +4,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import Struct
 from msgspec.structs import replace
-from toy_agents import Double, Doubled, Want, wirings
+from toy_agents import Double, Doubled, Want, fleet, wirings
 
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Arrived, Broken, Late, Local, Received, Started, Tick, Woken
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery
-from agent_runtime.testing.memory_bus import Faults, MemoryBus
+from agent_runtime.testing.memory_bus import Faults
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 
@@ -107,9 +107,12 @@ def over(memory: Server, name: str, how: str) -> Server:
 @settings(max_examples=150, deadline=None)
 def test_every_cancel_ends(numbers: list[int], seed: int, loss: float, delay: float, crash: float) -> None:
     """All conversations end on both sides, nobody misunderstands, each is done or cancelled exactly once."""
-    wires = MemoryBus(seed=seed, faults=Faults(loss=loss, duplication=0.1, delay=delay))
-    wires.add(Agent("asker", "c", Client(), {"c": Behaviour(ask_and_cancel)}, local=Want), TO_SERVER)
-    wires.add(Agent("server", "s", Server(), {"s": Behaviour(work)}), TO_CLIENT)
+    wires = fleet(
+        (Agent("asker", "c", Client(), {"c": Behaviour(ask_and_cancel)}, local=Want), TO_SERVER),
+        (Agent("server", "s", Server(), {"s": Behaviour(work)}), TO_CLIENT),
+        seed=seed,
+        faults=Faults(loss=loss, duplication=0.1, delay=delay),
+    )
     for place, number in enumerate(numbers):
         wires.post("asker", Want(number), delay_s=0.02 * place)
     wires.run(lambda: len(wires.memory("asker").begun) == len(numbers))

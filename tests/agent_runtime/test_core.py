@@ -257,6 +257,21 @@ def test_a_stray_not_understood_is_never_answered() -> None:
     assert one.sends() == []
 
 
+def test_only_the_same_question_is_answered_again() -> None:
+    """Volatile: another one in its conversation is a stray, and so is one of the side that only answers."""
+    to_server, to_asker = wirings(Delivery.VOLATILE)
+    one = Driven(recording(said=agree), to_asker)
+    (agreed,) = one.step(request(1)).sends
+    assert one.step(request(1)).sends == (agreed,)
+    other = one.step(request(2))
+    assert (other.sends, other.handled) == ((), None)
+    assert one.state.counts == {"asked again": 1, "stray": 1}
+    one = Driven(recording(name="asker"), to_server)
+    turned = replace(request(1).communicate, sender="server", receiver="asker")
+    assert one.step(Arrived(turned)).handled is None
+    assert one.state.counts == {"stray": 1}
+
+
 # --- the design -------------------------------------------------------------------------------------------------------
 
 

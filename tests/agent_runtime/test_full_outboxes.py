@@ -5,8 +5,7 @@ import pytest
 from driven import Driven, agree, quiet, request
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ring_agents import NAMES, Order, agent, wiring
-from toy_agents import Double, Doubled, Want, wirings
+from toy_agents import RING, Double, Doubled, Order, Want, fleet, ring_agent, ring_wiring, wirings
 
 from agent_runtime.core.events import Late, Local, Receipted, Tick, Woken
 from agent_runtime.core.state import Outgoing
@@ -22,10 +21,8 @@ LIMIT_S = 300.0
 
 def ring(count: int, *, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
     """So many agents."""
-    wires = MemoryBus(seed=seed, faults=faults)
-    for name in NAMES[:count]:
-        wires.add(agent(name, NAMES[:count]), wiring(name, NAMES[:count]))
-    return wires
+    members = RING[:count]
+    return fleet(*((ring_agent(me, members), ring_wiring(me, members)) for me in members), seed=seed, faults=faults)
 
 
 def expect_all_answered(wires: MemoryBus, wanted: tuple[int, ...]) -> None:

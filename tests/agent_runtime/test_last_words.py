@@ -6,13 +6,14 @@ import msgspec
 from driven import Driven, quiet
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from toy_agents import fleet
 from toy_observers import Finish, Seen, Topic, wiring
 
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Broken, LinkChanged, Local, PeerChanged, Receipted, Received
 from agent_runtime.core.streams import LAST_MESSAGES, RESEND_LAST
 from agent_runtime.core.turn import Turn
-from agent_runtime.testing.memory_bus import Faults, MemoryBus
+from agent_runtime.testing.memory_bus import Faults
 from fipa_codec.performatives import Performative as P
 
 
@@ -124,9 +125,8 @@ def test_nobody_is_subscribed_for_ever(
     seed: int, loss: float, duplication: float, delay: float, at_s: float, away_s: float
 ) -> None:
     """Whatever is lost: once the observed ended what it had agreed to, the subscriber knows, and nothing is left."""
-    wires = MemoryBus(seed=seed, faults=Faults(loss=loss, duplication=duplication, delay=delay))
-    wires.add(watcher(), wiring("watcher"))
-    wires.add(knower(), wiring("knower"))
+    agents = ((watcher(), wiring("watcher")), (knower(), wiring("knower")))
+    wires = fleet(*agents, seed=seed, faults=Faults(loss=loss, duplication=duplication, delay=delay))
     agreed = lambda: wires.up("watcher") and bool(wires.nodes["watcher"].state.soft.conversations)  # noqa: E731
     wires.run(agreed, limit_s=3600.0)
     wires.run_for(at_s)

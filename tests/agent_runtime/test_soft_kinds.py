@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from toy_agents import fleet
 from toy_observers import Finish, Seen, WhatOf, asker, knower, watcher, wiring
 
 from agent_runtime.testing.memory_bus import Faults, MemoryBus, Point
@@ -11,10 +12,8 @@ from fipa_codec.performatives import Performative
 
 def observers(*, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
     """Watcher, knower and asker on the wires."""
-    wires = MemoryBus(seed=seed, faults=faults)
-    for agent in (watcher(), knower(), asker()):
-        wires.add(agent, wiring(agent.name))
-    return wires
+    agents = (watcher(), knower(), asker())
+    return fleet(*((agent, wiring(agent.name)) for agent in agents), seed=seed, faults=faults)
 
 
 def store(wires: MemoryBus) -> dict[str, int]:
@@ -151,8 +150,7 @@ def test_questions_write_no_record() -> None:
 
 def test_an_unanswered_question_is_late_once() -> None:
     """With nobody there the question ends at reply-by, and nothing is asked any more."""
-    wires = MemoryBus()
-    wires.add(asker(), wiring("asker"))
+    wires = fleet((asker(), wiring("asker")))
     wires.post("asker", WhatOf("jar"))
     start = wires.now
     wires.run(lambda: wires.memory("asker").late == 1)

@@ -355,7 +355,14 @@ def counter_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def last_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """Receipt a word and forget its number."""
-    monkeypatch.setattr(sequence_check, "note", lambda *_: None)
+
+    def spoilt(state: Any, peer: str) -> Receipt:
+        told = duplicate_digests.receipt(state, peer)
+        state.taken.pop(peer, None)
+        state.recent.pop(peer, None)
+        return told
+
+    monkeypatch.setattr(sequence_check, "receipt", spoilt)
 
 
 def gaps_taken(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,18 +1,21 @@
 """Toy agents for the runtime's tests, and the example of how an agent is written.
 
 `asker` asks `server` to double numbers, one durable request at a time; `server` agrees and answers, and counts in its
-memory how often it worked on each number: the effect that must happen exactly once.
+memory how often it worked on each number: the effect that must happen exactly once. Agents of a ring do both. Those of
+the soft kinds are in toy_observers, those that play FIPA's protocols in fipa_agents.
 """
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
 
 from agent_runtime.core.agent import Agent, Arc, Behaviour
-from agent_runtime.core.events import Broken, Late, Local, Received, Started
+from agent_runtime.core.events import Broken, Late, Local, Received, Started, Woken
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
-from fipa_codec.languages import Language, Languages
+from agent_runtime.testing.memory_bus import Faults, MemoryBus
+from fipa_codec.languages import REASON, Language, Languages
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 
@@ -38,14 +41,33 @@ class Want(msgspec.Struct, frozen=True, tag=True):
 LANGUAGES = Languages([Language("SUM", Double | Doubled)])
 
 
+Use = tuple[str, str, str, str, Delivery]
+"""Initiator, participant, channel, protocol, delivery."""
+
+
+def wired(agent: str, uses: Iterable[Use], languages: Languages = LANGUAGES, system: str = "toy") -> Wiring:
+    """The wiring of an agent in a system with these uses and one language of its own."""
+    silent, links = next(name for name in languages.names if name != REASON.name), []
+    for initiator, participant, channel, protocol, delivery in uses:
+        if agent == initiator:
+            links.append(Link(participant, channel, protocol, Role.INITIATOR, delivery, silent=silent))
+        elif agent == participant:
+            links.append(Link(initiator, channel, protocol, Role.PARTICIPANT, delivery, silent=silent))
+    return Wiring(system, agent, tuple(links), languages)
+
+
 def wirings(delivery: Delivery = Delivery.DURABLE, protocol: str = "request") -> tuple[Wiring, Wiring]:
     """The asker's and the server's side of one channel."""
+    use = ("asker", "server", "T1", protocol, delivery)
+    return wired("asker", [use]), wired("server", [use])
 
-    def side(agent: str, peer: str, role: Role) -> Wiring:
-        link = Link(peer=peer, channel="T1", protocol=protocol, role=role, delivery=delivery, silent="SUM")
-        return Wiring("toy", agent, (link,), LANGUAGES)
 
-    return side("asker", "server", Role.INITIATOR), side("server", "asker", Role.PARTICIPANT)
+def fleet(*agents: tuple[Agent[Any], Wiring], seed: int = 0, faults: Faults | None = None) -> MemoryBus:
+    """These agents in memory."""
+    wires = MemoryBus(seed=seed, faults=faults)
+    for agent, wiring in agents:
+        wires.add(agent, wiring)
+    return wires
 
 
 # --- the asker --------------------------------------------------------------------------------------------------------
@@ -145,6 +167,99 @@ def server() -> Agent[ServerMemory]:
     return Agent(name="server", start="serving", memory=ServerMemory(), behaviours={"serving": Behaviour(serve)})
 
 
+def toys(*wanted: int, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
+    """Asker and server."""
+    return fleet(*zip((asker(*wanted), server()), wirings(), strict=True), seed=seed, faults=faults)
+
+
+def answers(wires: MemoryBus) -> tuple[tuple[int, int], ...]:
+    """The asker's answers so far."""
+    found: tuple[tuple[int, int], ...] = wires.memory("asker").answers
+    return found
+
+
 def nobody(*_: Any) -> bool:
     """Takes nothing."""
     return False
+
+
+# --- a ring: each asks its successor to double numbers, all at once, and doubles those of its predecessor -------------
+# Two of them ask each other. What is asked is agreed to at once and answered when a wake-up comes.
+
+
+RING = ("one", "two", "three")
+WORK_S = 0.1
+"""Time from the agree to the answer."""
+
+
+class Order(msgspec.Struct, frozen=True, tag=True):
+    """A person's word: ask for all these in one step, and for one of the `rest` with each answer."""
+
+    numbers: tuple[int, ...]
+    rest: tuple[int, ...] = ()
+
+
+class Mutual(msgspec.Struct, frozen=True):
+    """`rest`: to be asked; questions and debts by conversation; answers; numbers worked on; ends without an answer."""
+
+    rest: tuple[int, ...] = ()
+    asked: dict[str, int] = {}
+    owed: dict[str, int] = {}
+    answers: tuple[tuple[int, int], ...] = ()
+    done: tuple[int, ...] = ()
+    broken: tuple[str, ...] = ()
+
+
+def live(memory: Mutual, turn: Turn, successor: str, protocol: str) -> Mutual:
+    """Ask what a person wants, agree to what is asked, and answer when its time has come."""
+    match turn.event:
+        case Local(content=Order(numbers=numbers, rest=rest)):
+            opened = {
+                turn.open(successor, protocol, Performative.REQUEST, Double(number)): number for number in numbers
+            }
+            return msgspec.structs.replace(memory, asked=memory.asked | opened, rest=memory.rest + rest)
+        case Received(content=Double(number=number), conversation=name):
+            turn.say(name, Performative.AGREE)
+            turn.wake(name, turn.now + WORK_S)
+            return msgspec.structs.replace(memory, owed=memory.owed | {name: number})
+        case Woken(name=name) if name in memory.owed and turn.holds(name):
+            turn.say(name, Performative.INFORM, Doubled(2 * memory.owed[name]))
+            return msgspec.structs.replace(
+                memory, owed=without(memory.owed, name), done=(*memory.done, memory.owed[name])
+            )
+        case Received(content=Doubled(number=number), conversation=name):
+            answer, asked = (memory.asked[name], number), without(memory.asked, name)
+            asked |= {turn.open(successor, protocol, Performative.REQUEST, Double(one)): one for one in memory.rest[:1]}
+            return msgspec.structs.replace(memory, asked=asked, rest=memory.rest[1:], answers=(*memory.answers, answer))
+        case Broken(conversation=name):
+            return msgspec.structs.replace(
+                memory,
+                asked=without(memory.asked, name),
+                owed=without(memory.owed, name),
+                broken=(*memory.broken, name),
+            )
+        case _:
+            return memory
+
+
+def without(table: dict[str, int], name: str) -> dict[str, int]:
+    """The table less one entry."""
+    return {key: value for key, value in table.items() if key != name}
+
+
+def ring_agent(me: str, ring: Sequence[str]) -> Agent[Mutual]:
+    """One state that takes everything."""
+    successor, protocol = ring[(ring.index(me) + 1) % len(ring)], protocol_of(me)
+    behaviour = Behaviour[Mutual](lambda memory, turn: live(memory, turn, successor, protocol))
+    return Agent(name=me, start="living", memory=Mutual(), behaviours={"living": behaviour}, local=Order)
+
+
+def protocol_of(asker: str) -> str:
+    """Two agents that ask each other need two protocols: a protocol between two has one initiator."""
+    return "request" if asker == RING[0] else "fipa-request"
+
+
+def ring_wiring(me: str, ring: Sequence[str]) -> Wiring:
+    """Both sides of an agent."""
+    pairs = zip(ring, (*ring[1:], ring[0]), strict=True)
+    return wired(me, [(one, other, "T1", protocol_of(one), Delivery.DURABLE) for one, other in pairs])

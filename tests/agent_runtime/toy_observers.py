@@ -5,14 +5,14 @@
 
 import msgspec
 from msgspec.structs import replace
+from toy_agents import wired
 
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Broken, Late, Local, PeerChanged, Received, Settled, Started
 from agent_runtime.core.turn import Turn
-from agent_runtime.core.wiring import Delivery, Link, Wiring
+from agent_runtime.core.wiring import Delivery, Wiring
 from fipa_codec.languages import Language, Languages
 from fipa_codec.performatives import Performative
-from fipa_codec.tables import Role
 
 
 class Topic(msgspec.Struct, frozen=True, tag=True):
@@ -45,21 +45,15 @@ class Finish(msgspec.Struct, frozen=True, tag=True):
 LANGUAGES = Languages([Language("OBS", Topic | Seen | WhatOf | Known)])
 
 
+USES = (
+    ("knower", "watcher", "T2", "subscribe", Delivery.LATEST),
+    ("asker", "knower", "T3", "query", Delivery.VOLATILE),
+)
+
+
 def wiring(agent: str) -> Wiring:
     """The wiring of one of the three."""
-
-    def link(peer: str, protocol: str, role: Role, delivery: Delivery) -> Link:
-        return Link(peer, "T2" if protocol == "subscribe" else "T3", protocol, role, delivery, silent="OBS")
-
-    links = {
-        "watcher": (link("knower", "subscribe", Role.PARTICIPANT, Delivery.LATEST),),
-        "knower": (
-            link("watcher", "subscribe", Role.INITIATOR, Delivery.LATEST),
-            link("asker", "query", Role.PARTICIPANT, Delivery.VOLATILE),
-        ),
-        "asker": (link("knower", "query", Role.INITIATOR, Delivery.VOLATILE),),
-    }
-    return Wiring("toy", agent, links[agent], LANGUAGES)
+    return wired(agent, USES, LANGUAGES)
 
 
 class WatcherMemory(msgspec.Struct, frozen=True):

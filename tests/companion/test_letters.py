@@ -20,6 +20,7 @@ FORMS = [
     ("don’t donʼt don＇t don´t don`t don′t", "don't don't don't don't don't don't"),
     ("take\u00a0the\u2003jar\n", "take the jar "),
     ("🛑 ✋🏽 ⚠️", "🛑 ✋🏽 ⚠"),
+    ("ӏ Ι І ｌ", "1 1 1 l"),
 ]
 
 

@@ -1,13 +1,17 @@
 """faults.jsonl: read in whatever pieces it is written, each fault as its last line has it."""
 
+import shutil
 import tempfile
 from pathlib import Path
 
 import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
+from planting import POUR
 
+from companion.tools.system import SYSTEM
 from operate.fault_lines import FaultFile, done, encoded, latest, read
+from operate.recording.run import Run
 from operate.run_folder import FAULTS_FILE, Fault
 
 times = st.floats(1.0, 2e9)
@@ -55,3 +59,12 @@ def test_a_line_of_another_version_is_left_out() -> None:
     one = Fault(id="a", kind="kill", target="x", t=1.0)
     further = msgspec.json.encode({**msgspec.to_builtins(one), "new": 1}) + b"\n"
     assert list(read(b'{"id": 3}\n' + further)) == [one]
+
+
+def test_a_run_has_the_faults_that_were_written_while_no_recorder_lived(tmp_path: Path) -> None:
+    """Beside those that are recorded, in the order of their beginnings."""
+    shutil.copy(POUR, tmp_path)
+    began = Run(tmp_path, SYSTEM).history.begin
+    one = Fault(id="a", kind="kill", target="pl", t=began + 1.0, began=began + 1.0)
+    (tmp_path / FAULTS_FILE).write_bytes(encoded(one))
+    assert Run(tmp_path, SYSTEM).history.faults == (one,)

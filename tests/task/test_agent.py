@@ -252,6 +252,15 @@ def test_a_loss_is_said_at_once_and_looked_after(
     assert isinstance(told[-1], wm.SeenBody)
 
 
+def test_in_a_new_world_the_hands_hold_nothing() -> None:
+    """Whatever they held in the one before."""
+    scene = Scene(LOOK, HOME, observed=True)
+    scene.ends(done(held=HELD))
+    scene.ends(not_done(rc.NotDoneKind.NEW_WORLD), 1)
+    scene.hears("ex", 3)
+    assert scene.wires.memory("ta").hands == {}
+
+
 def test_a_look_afterwards_that_does_not_see_says_so() -> None:
     """With why there was a look at all."""
     scene, touched = Scene(HOME, observed=True), fact(Kind.TOUCHED, Side.LEFT, "jar_1", 0)

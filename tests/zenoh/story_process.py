@@ -6,9 +6,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "agent_runtime"))
 
-import crowd_agents as crowd
-import recruiting_agents as cast
-import story_agents as stories
+import fipa_agents as fipa
 
 from agent_runtime.core.wiring import Delivery
 from agent_runtime.io import shell
@@ -19,15 +17,7 @@ from agent_runtime.io.options import AGENTS_VARIABLE, Options
 def main(name: str, connect: str, run: Path) -> int:
     """Serve until a signal comes."""
     options = Options(connect=connect, run_dir=run, agents=endpoints(os.environ[AGENTS_VARIABLE]))
-    if name in ("alice", "bob"):
-        agent = stories.alice() if name == "alice" else stories.bob()
-        return shell.run(agent, stories.wiring(name, query=Delivery.VOLATILE), options)
-    if name in ("asker", "broker", *cast.SCALES):
-        made = {"asker": cast.asker, "broker": cast.broker}.get(name, lambda: cast.scale(name))
-        return shell.run(made(), cast.wiring(name), options)
-    if name == "caller":
-        return shell.run(crowd.caller(), crowd.wiring(name), options)
-    return shell.run(crowd.worker(name), crowd.wiring(name), options)
+    return shell.run(fipa.made(name), fipa.wiring(name, query=Delivery.VOLATILE), options)
 
 
 if __name__ == "__main__":

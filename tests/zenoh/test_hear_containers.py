@@ -118,7 +118,7 @@ def test_a_recording_is_made_here_with_the_fleets_setting(containers: Containers
 def test_a_monitor_that_stops_is_told(containers: Containers) -> None:
     """An endless verb does not hang when its source is gone; what was recorded is kept."""
     file = containers.run / "mine.mcap"
-    keeping, listening = containers.roco("record", "--out", str(file)), containers.roco("traffic", "hz")
+    keeping, listening = containers.roco("record", "--out", str(file)), containers.roco("traffic", "stats", "hz")
     containers.say(40)
     wait_for(lambda: sum(isinstance(one, Spoken) for one in mcap_file.read(file).records) == 40, "all is in the file")
     wait_for(lambda: len(containers.hearers()) == 2, "both are heard for")

@@ -3,10 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-import crowd_agents as crowd
+import fipa_agents as fipa
 import pytest
-import recruiting_agents as cast
-import story_agents as stories
 from toy_fleet import Fleet, wait_for
 
 from agent_runtime.core.agent import Agent
@@ -45,53 +43,53 @@ def closed(fleet: Fleet) -> None:
 def test_every_story_of_every_protocol_ends_as_told(tmp_path: Path) -> None:
     """On both sides, by the journal of each."""
     fleet = opened(tmp_path, "alice", "bob")
-    players = {Role.INITIATOR: stories.alice(), Role.PARTICIPANT: stories.bob()}
+    players = {Role.INITIATOR: fipa.alice(), Role.PARTICIPANT: fipa.bob()}
 
     def over() -> bool:
         memories = [journalled(fleet.run, agent) for agent in players.values()]
-        return any(one.wrong for one in memories) or all(len(one.ends) == len(stories.SCRIPT) for one in memories)
+        return any(one.wrong for one in memories) or all(len(one.ends) == len(fipa.SCRIPT) for one in memories)
 
     try:
-        wait_for(over, f"all {len(stories.SCRIPT)} stories are played\n{fleet.logs()}", 50.0)
+        wait_for(over, f"all {len(fipa.SCRIPT)} stories are played\n{fleet.logs()}", 50.0)
         for role, agent in players.items():
-            played, wanted = journalled(fleet.run, agent), stories.wanted(role)
+            played, wanted = journalled(fleet.run, agent), fipa.wanted(role)
             assert not played.wrong
-            told = zip(stories.SCRIPT, played.ends, wanted, strict=True)
+            told = zip(fipa.SCRIPT, played.ends, wanted, strict=True)
             assert [(role, *row) for row in told if row[1] != row[2]] == []
-        assert {name for name, _ in stories.SCRIPT} == {protocol.name for protocol in PROTOCOLS}
+        assert {name for name, _ in fipa.SCRIPT} == {protocol.name for protocol in PROTOCOLS}
     finally:
         closed(fleet)
 
 
 def stands(run: Path) -> dict[str, str]:
     """The state of each participant."""
-    return {name: journalled(run, crowd.worker(name)).state for name in crowd.CROWD}
+    return {name: journalled(run, fipa.worker(name)).state for name in fipa.CROWD}
 
 
 def test_a_crowd_is_called_twice_and_one_is_awarded(tmp_path: Path) -> None:
     """One conversation-id with four participants: proposal, refusal, silence until too late."""
-    fleet = opened(tmp_path, "caller", *crowd.CROWD)
+    fleet = opened(tmp_path, "caller", *fipa.CROWD)
     try:
-        wait_for(lambda: journalled(tmp_path, crowd.caller()).outcomes, f"the call is over\n{fleet.logs()}")
-        assert journalled(tmp_path, crowd.caller()).outcomes == crowd.OUTCOMES
-        wait_for(lambda: stands(tmp_path) == crowd.ENDS, f"the crowd has heard it\n{fleet.logs()}")
+        wait_for(lambda: journalled(tmp_path, fipa.caller()).outcomes, f"the call is over\n{fleet.logs()}")
+        assert journalled(tmp_path, fipa.caller()).outcomes == fipa.OUTCOMES
+        wait_for(lambda: stands(tmp_path) == fipa.ENDS, f"the crowd has heard it\n{fleet.logs()}")
     finally:
         closed(fleet)
 
 
 def test_targets_of_a_broker_answer_through_it_or_directly(tmp_path: Path) -> None:
     """Brokering, then recruiting, each with conversations inside: four agents, every answer once."""
-    fleet = opened(tmp_path, "asker", "broker", *cast.SCALES)
+    fleet = opened(tmp_path, "asker", "broker", *fipa.SCALES)
     try:
-        wait_for(lambda: answered(tmp_path) == list(cast.WEIGHTS.items()), f"all is answered\n{fleet.logs()}")
-        wait_for(lambda: len(journalled(tmp_path, cast.asker()).ends) == 2, f"both are over\n{fleet.logs()}")
-        memory = journalled(tmp_path, cast.asker())
+        wait_for(lambda: answered(tmp_path) == list(fipa.WEIGHTS.items()), f"all is answered\n{fleet.logs()}")
+        wait_for(lambda: len(journalled(tmp_path, fipa.asker()).ends) == 2, f"both are over\n{fleet.logs()}")
+        memory = journalled(tmp_path, fipa.asker())
         assert memory.ends == ("brokering done", "recruiting done")
-        assert sorted(memory.relayed) == list(cast.WEIGHTS.items())
+        assert sorted(memory.relayed) == list(fipa.WEIGHTS.items())
     finally:
         closed(fleet)
 
 
 def answered(run: Path) -> list[tuple[str, float]]:
     """Return the answers that the targets themselves gave the asker."""
-    return sorted(journalled(run, cast.asker()).answered)
+    return sorted(journalled(run, fipa.asker()).answered)

@@ -115,7 +115,7 @@ def test_echo_prints_what_is_meant_as_it_is_judged(router: Router) -> None:
 
 def test_bw_counts_bytes_until_it_is_interrupted(router: Router) -> None:
     """Ctrl-C is the ordinary end: the last line has all that went by."""
-    process = router.roco("traffic", "bw", "--format", "json")
+    process = router.roco("traffic", "stats", "bw", "--format", "json")
     router.say(60)
     assert process.stdout is not None
     lines = iter(process.stdout.readline, b"")

@@ -46,7 +46,7 @@ def bind(
     takes: Mapping[str, Takes[M]] | None = None,
     local: Any = None,
 ) -> Agent[M]:
-    """Return the agent `name` of `design`.
+    """The agent `name` of `design`.
 
     `behaviours`: behaviour name -> transition, for all of its states. `conditions`: name -> predicate of the memory,
     for all terminal, error and initial conditions. `takes`: behaviour name -> which events it takes; a behaviour
@@ -72,7 +72,7 @@ def bind(
 
 
 def wiring(name: str, system: str, *, design: Design, languages: Languages) -> Wiring:
-    """Return the wiring of agent `name` of `design` in the system called `system` (the prefix of its keys).
+    """The wiring of agent `name` of `design` in the system called `system` (the prefix of its keys).
 
     `languages`: those of the design, by name. Raises topdown's NoSuchEntry for an agent that is not in the design.
     """
@@ -83,7 +83,7 @@ def wiring(name: str, system: str, *, design: Design, languages: Languages) -> W
 
 @cache
 def _rows(design: Design, name: str) -> Rows | None:
-    """Return the agent's rows in the design; None where it has none, then its steps are not compared."""
+    """The agent's rows in the design; None where it has none, then its steps are not compared."""
     machine = Steps(design, name)
     return machine if machine.rows else None
 
@@ -134,6 +134,6 @@ def _delivery(use: elements.Protocol) -> Delivery:
 
 
 def _silent(name: str, use: elements.Protocol) -> str:
-    """Return the language of the agent's acts without content: its first language where every act has content."""
+    """The language of the agent's acts without content: its first language where every act has content."""
     mine = [message for message in use.message if message.sender == name]
     return next((message.language for message in (*mine, *use.message) if not message.content), mine[0].language)

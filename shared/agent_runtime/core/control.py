@@ -72,11 +72,11 @@ class Parameters(Protocol):
         """The value of each parameter that nobody has set."""
 
     def fitted(self, name: str, value: Value) -> Value:
-        """Return the value in the parameter's type. Raise ValueError where it does not fit, with what would."""
+        """The value in the parameter's type. Raise ValueError where it does not fit, with what would."""
 
 
 def obeyed(settings: Settings, order: Order, parameters: Parameters | None) -> Settings:
-    """Return the settings after an order. Raise ValueError where it cannot be obeyed, with the reason."""
+    """The settings after an order. Raise ValueError where it cannot be obeyed, with the reason."""
     match order:
         case Pause() | Resume():
             return msgspec.structs.replace(settings, paused=isinstance(order, Pause))
@@ -92,7 +92,7 @@ def obeyed(settings: Settings, order: Order, parameters: Parameters | None) -> S
 
 
 def values(settings: Settings, parameters: Parameters | None) -> tuple[dict[str, Value], tuple[str, ...]]:
-    """Return the value of each parameter, and the names whose kept value does not fit the design any more."""
+    """The value of each parameter, and the names whose kept value does not fit the design any more."""
     found, unfit = dict(parameters.defaults) if parameters is not None else {}, []
     for name, value in settings.parameters.items():
         try:

@@ -94,7 +94,6 @@ class Out(msgspec.Struct, eq=False):
     about: str = ""
 
     def fork(self) -> "Out":
-        """Return a copy that goes its own way."""
         return msgspec.structs.replace(
             self,
             receipts=[*self.receipts],
@@ -106,18 +105,16 @@ class Out(msgspec.Struct, eq=False):
         )
 
     def log(self, event: str, level: str = "info", **fields: Any) -> None:
-        """Add a log line."""
         self.logs.append(LogLine(event, fields, level))
 
     def deed(self, before: str, after: str, owed: tuple[str, ...]) -> Deed | None:
-        """Return the step in the words of the design, None where no event reached the behaviour."""
+        """The step in the words of the design, None where no event reached the behaviour."""
         if self.handled is None:
             return None
         event = f"{type(self.handled).__name__} {self.about}".strip()
         return Deed(before, event, self.took, tuple(self.said), after, owed)
 
     def sealed(self, more: bool, wake_at: float | None, deed: Deed | None = None) -> Effects:
-        """Return the collected effects."""
         return Effects(
             self.record,
             tuple(self.receipts),

@@ -177,7 +177,7 @@ class CoreState(Record, kw_only=True):
         return self.settings is not msgspec.UNSET and self.settings.paused
 
     def fork(self) -> "CoreState":
-        """Return a copy that a step may change; dictionaries are copied, their values are frozen."""
+        """A copy that a step may change; dictionaries are copied, their values are frozen."""
         soft = self.soft
         return msgspec.structs.replace(
             self,
@@ -205,7 +205,7 @@ class CoreState(Record, kw_only=True):
         )
 
     def held(self, conversation: str, peer: str = "") -> Held | None:
-        """Return the open conversation of that id; of several, which are durable, the one with the peer.
+        """The open conversation of that id; of several, which are durable, the one with the peer.
 
         One that waits for any answerer becomes, for each agent that answers, a conversation with that agent.
         """
@@ -228,11 +228,10 @@ class CoreState(Record, kw_only=True):
             place[name] = held
 
     def count(self, what: str) -> None:
-        """Add one to a counter."""
         self.counts[what] = self.counts.get(what, 0) + 1
 
     def name(self) -> str:
-        """Return a fresh id: agent, incarnation, counter; unique over all lives of the agent."""
+        """A fresh id: agent, incarnation, counter; unique over all lives of the agent."""
         self.counter += 1
         return f"{self.agent}-{self.incarnation}-{self.counter}"
 
@@ -243,7 +242,7 @@ def anybodys(conversation: str) -> str:
 
 
 def age(name: str) -> Version | None:
-    """Return (incarnation, counter) from an id of `CoreState.name`, None for other ids; greater is newer."""
+    """(incarnation, counter) from an id of `CoreState.name`, None for other ids; greater is newer."""
     parts = name.rsplit("-", 2)
     incarnation, counter = (number_of(part) for part in parts[1:]) if len(parts) == 3 else (None, None)
     return None if incarnation is None or counter is None else (incarnation, counter)
@@ -254,7 +253,7 @@ _decoder = msgspec.msgpack.Decoder(Record)
 
 
 def encode_memory(memory: Any) -> bytes:
-    """Return the memory without its soft field, and without what is UNSET."""
+    """The memory without its soft field, and without what is UNSET."""
     hard = {name: getattr(memory, name) for name in memory.__struct_fields__ if name != "soft"}
     return _encoder.encode({name: value for name, value in hard.items() if value is not msgspec.UNSET})
 
@@ -270,7 +269,6 @@ def same_memory(old: Any, new: Any) -> bool:
 
 
 def encode_record(state: CoreState) -> bytes:
-    """Return the journal record of a state."""
     parts = {name: getattr(state, name) for name in Record.__struct_fields__}
     return _encoder.encode(Record(**(parts | {"memory": msgspec.Raw(state.kept)})))
 
@@ -292,7 +290,7 @@ class Start(Protocol):
 
 
 def fresh(agent: Start, journal: str = "") -> CoreState:
-    """Return the state before the first start: incarnation 0."""
+    """The state before the first start: incarnation 0."""
     return CoreState(
         journal=journal,
         agent=agent.name,
@@ -306,7 +304,7 @@ def fresh(agent: Start, journal: str = "") -> CoreState:
 
 
 def restored(agent: Start, record: bytes) -> CoreState:
-    """Return the state in a journal record, with an empty soft part. Raises msgspec.MsgspecError for another shape."""
+    """The state in a journal record, with an empty soft part. Raises msgspec.MsgspecError for another shape."""
     stored = _decoder.decode(record)
     memory = msgspec.msgpack.decode(stored.memory, type=type(agent.memory))
     parts = {name: getattr(stored, name) for name in Record.__struct_fields__}

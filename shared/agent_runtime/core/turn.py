@@ -208,7 +208,6 @@ class Turn(msgspec.Struct, eq=False):
         self._out.log(event, level, **({"conversation": conversation_of(self.event)} | fields))
 
     def count(self, what: str) -> None:
-        """Add one to a counter of the agent."""
         self._state.count(what)
 
     def parameter(self, name: str, kind: type[V]) -> V:

@@ -68,7 +68,7 @@ class Link(msgspec.Struct, frozen=True):
             raise ContentError(wrong[0], f"{self.protocol} of {self.peer!r} on {self.channel}: {wrong[1]}")
 
     def _lacking(self, act: Performative) -> tuple[str, str] | None:
-        """Return field and reason where an act without content asks for what stands in it."""
+        """Field and reason where an act without content asks for what stands in it."""
         wanted = self.hears.get(act)
         if not wanted or act not in named(self.protocol).openings:
             return None
@@ -76,7 +76,7 @@ class Link(msgspec.Struct, frozen=True):
 
 
 def _misfit(table: dict[Performative, tuple[str, ...]], act: Performative, content: str) -> tuple[str, str] | None:
-    """Return field and reason, None if it fits. An act with contents may also come without: the tables decide that."""
+    """Field and reason, None if it fits. An act with contents may also come without: the tables decide that."""
     if not table:
         return None
     if act not in table:
@@ -113,15 +113,14 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def peers(self) -> tuple[str, ...]:
-        """Return every peer of this agent, sorted."""
         return tuple(sorted({link.peer for link in self.links}))
 
     def link(self, peer: str, protocol: str) -> Link | None:
-        """Return the link, or None where the design has none."""
+        """The link, or None where the design has none."""
         return self._by_peer.get((peer, protocol))
 
     def required(self, peer: str, protocol: str) -> Link:
-        """Return the link. Raises LocalProtocolError, which lists those there are."""
+        """The link. Raises LocalProtocolError, which lists those there are."""
         link = self._by_peer.get((peer, protocol))
         if link is None:
             known = ", ".join(f"{p}:{name}" for p, name in self._by_peer)
@@ -129,18 +128,18 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
         return link
 
     def language(self, content: Any) -> Language:
-        """Return the language of a content's class. Raises LocalProtocolError if it has none."""
+        """The language of a content's class. Raises LocalProtocolError if it has none."""
         return self.spoken(content)[0]
 
     def spoken(self, content: Any) -> tuple[Language, str]:
-        """Return the language, and LANGUAGE.Class, as the interfaces of a design name it."""
+        """The language, and LANGUAGE.Class, as the interfaces of a design name it."""
         found = self._by_class.get(type(content))
         if found is None:
             raise LocalProtocolError("content", f"{type(content).__name__} belongs to none of {self.languages.names}")
         return found
 
     def key(self, communicate: Communicate) -> str:
-        """Return the key expression on which this agent puts a communicate."""
+        """The key expression on which this agent puts a communicate."""
         link = self.required(communicate.receiver, communicate.protocol)
         return communicate_key(
             self.system, link.channel, self.agent, link.peer, link.protocol, communicate.performative
@@ -152,7 +151,7 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
         return frozenset(link.peer for link in self.links if not link.awaited)
 
     def inbox_keys(self, peers: Collection[str]) -> tuple[str, ...]:
-        """Return the key expressions on which this agent hears these peers, one per channel and peer."""
+        """The key expressions on which this agent hears these peers, one per channel and peer."""
         pairs = sorted({(link.channel, link.peer) for link in self.links if link.peer in peers})
         return tuple(f"roco/{self.system}/{channel}/{peer}/{self.agent}/*/*" for channel, peer in pairs)
 
@@ -160,17 +159,16 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
 def communicate_key(
     system: str, channel: str, sender: str, receiver: str, protocol: str, performative: Performative
 ) -> str:
-    """Return the key of a communicate."""
     return f"roco/{system}/{channel}/{sender}/{receiver}/{protocol}/{performative}"
 
 
 def life(incarnation: int, journal: str) -> str:
-    """Return the last chunk of a liveliness token's key: which life of the agent, by the name of its journal."""
+    """The last chunk of a liveliness token's key: which life of the agent, by the name of its journal."""
     return f"{incarnation}.{journal}" if journal else str(incarnation)
 
 
 def parse_life(chunk: str) -> tuple[int, str] | None:
-    """Return incarnation and journal from the last chunk of a token's key; None where it is none."""
+    """Incarnation and journal from the last chunk of a token's key; None where it is none."""
     text, _, journal = chunk.partition(".")
     number = number_of(text)
     return None if number is None else (number, journal)
@@ -181,5 +179,5 @@ HOUSE = "_"
 
 
 def service_key(system: str, kind: str, owner: str, *peer: str) -> str:
-    """Return the key of the runtime's own messages: `alive`, `receipt`, `ping`, `pong`."""
+    """The key of the runtime's own messages: `alive`, `receipt`, `ping`, `pong`."""
     return "/".join(("roco", system, HOUSE, kind, owner, *peer))

@@ -105,12 +105,12 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
 
 
 def listed(text: str) -> tuple[str, ...]:
-    """Return the words between the commas, each once."""
+    """The words between the commas, each once."""
     return tuple(dict.fromkeys(filter(None, (one.strip() for one in text.split(",")))))
 
 
 def endpoints(text: str) -> dict[str, str]:
-    """Return the endpoint by the name of each agent. Raises typer.BadParameter where one has none."""
+    """The endpoint by the name of each agent. Raises typer.BadParameter where one has none."""
     pairs = [one.partition("=") for one in listed(text)]
     wrong = ", ".join(name for name, _, endpoint in pairs if not endpoint)
     if wrong:

@@ -17,9 +17,9 @@ class Clock:
         self._offset = wall() - steady()
 
     def now(self) -> float:
-        """Return the time [unix s]; it never goes back."""
+        """The time [unix s]; it never goes back."""
         return self._offset + self._steady()
 
 
 now = Clock().now
-"""Return the time of this process [unix s]."""
+"""The time of this process [unix s]."""

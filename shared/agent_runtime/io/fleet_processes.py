@@ -15,7 +15,7 @@ PROC = Path("/proc")
 
 
 def variables(pid: int) -> dict[str, str]:
-    """Return the variables that a process was started with; none where it is gone or another user's."""
+    """The variables that a process was started with; none where it is gone or another user's."""
     try:
         words = (PROC / str(pid) / "environ").read_bytes().decode(errors="surrogateescape").split("\0")
     except OSError:
@@ -24,17 +24,17 @@ def variables(pid: int) -> dict[str, str]:
 
 
 def started_in(run: Path) -> tuple[int, ...]:
-    """Return the pids of this user's processes that a supervisor started for a run folder, oldest first."""
+    """The pids of this user's processes that a supervisor started for a run folder, oldest first."""
     return tuple(sorted(pid for pid, folder in _started() if folder == run))
 
 
 def run_folders() -> tuple[Path, ...]:
-    """Return the run folders of all fleets of this user that live, also folders that were deleted."""
+    """The run folders of all fleets of this user that live, also folders that were deleted."""
     return tuple(sorted({folder for _, folder in _started()}))
 
 
 def started_with(variable: str, value: str) -> Path | None:
-    """Return the run folder of a fleet of this user that lives and has this value of a variable; None: none has."""
+    """The run folder of a fleet of this user that lives and has this value of a variable; None: none has."""
     return next((folder for pid, folder in _started() if variables(pid).get(variable) == value), None)
 
 
@@ -68,7 +68,7 @@ def set_stop(run: Path, held: bool) -> None:
 
 
 def deleted_files(run: Path, name: str) -> list[Path]:
-    """Return files in /proc: a file that was deleted from a run folder, where processes of the fleet have it open."""
+    """Files in /proc: a file that was deleted from a run folder, where processes of the fleet have it open."""
     return [file for file, target in _opened_by(run) if target == f"{run / name} (deleted)"]
 
 

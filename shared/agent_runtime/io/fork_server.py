@@ -57,7 +57,7 @@ def _changed(file: str) -> int:
 
 
 def at_the_start(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables that count when an interpreter starts."""
+    """The variables that count when an interpreter starts."""
     return {name: value for name, value in environment.items() if name.startswith(AT_THE_START)}
 
 
@@ -210,7 +210,7 @@ def _exit(code: int) -> NoReturn:
 
 
 def _code(end: SystemExit) -> int:
-    """Return the code of an end as Python itself has it."""
+    """The code of an end as Python itself has it."""
     if end.code is None or isinstance(end.code, int):
         return (end.code or 0) & 0xFF
     print(end.code, file=sys.stderr)

@@ -76,11 +76,9 @@ class Other:
         return bool(select.select([self._handle], [], [], within_s)[0])
 
     def terminate(self) -> None:
-        """Send SIGTERM."""
         self._signal(signal.SIGTERM)
 
     def kill(self) -> None:
-        """Send SIGKILL."""
         self._signal(signal.SIGKILL)
 
     def _signal(self, number: signal.Signals) -> None:
@@ -98,20 +96,20 @@ class Forked(Other):
         self._line, self._lock = line, threading.Lock()
 
     def poll(self) -> int | None:
-        """Return the exit code once it has ended, negative for a signal; else None."""
+        """The exit code once it has ended, negative for a signal; else None."""
         with self._lock:
             if self.returncode is None and self.ended():
                 self.returncode = self._code()
             return self.returncode
 
     def wait(self) -> int:
-        """Return the exit code once it has ended."""
+        """The exit code once it has ended."""
         while (code := self.poll()) is None:
             self.ended(None)
         return code
 
     def _code(self) -> int:
-        """Return the exit code that the server tells; UNKNOWN where it does not."""
+        """The exit code that the server tells; UNKNOWN where it does not."""
         with self._line as line:
             try:
                 return int(NUMBER.unpack(line.recv(NUMBER.size))[0])
@@ -126,7 +124,7 @@ def fork(
     hand: Sequence[Handed],
     session: bool = False,
 ) -> Forked | None:
-    """Return the process that runs this module, made by the server; None where the server does not make it.
+    """The process that runs this module, made by the server; None where the server does not make it.
 
     `environment`: of the new process; it names the server, too.
     """

@@ -26,7 +26,7 @@ DISK = {
 
 
 def worded(path: object, error: OSError) -> str:
-    """Return what is wrong with the disk, in words."""
+    """What is wrong with the disk, in words."""
     what = DISK.get(error.errno or 0, "the disk cannot be used")
     return f"{what}: {path} cannot be written ({error.strerror or error})"
 
@@ -54,7 +54,7 @@ class FullDisk:
             self._log.write("room again", why="what waited goes on")
 
     def pause_s(self) -> float:
-        """Return the time until the next try."""
+        """The time until the next try."""
         self._tries += 1
         return PAUSES_S[min(self._tries, len(PAUSES_S)) - 1]
 

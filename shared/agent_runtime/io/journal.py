@@ -50,7 +50,7 @@ class Scan(msgspec.Struct, frozen=True):
 
 
 def version(data: bytes) -> int | None:
-    """Return the version in the first line; None where it is not that of a journal, or is not whole."""
+    """The version in the first line; None where it is not that of a journal, or is not whole."""
     line = data[: len(NAME) + 8].partition(b"\n")
     number = line[0].removeprefix(NAME)
     return int(number) if line[1] and line[0].startswith(NAME) and number.isdigit() else None
@@ -94,7 +94,7 @@ def scan(data: bytes) -> Scan:
 
 
 def _record(data: bytes, at: int) -> bytes | None:
-    """Return the whole record whose frame begins at an offset, None where none does."""
+    """The whole record whose frame begins at an offset, None where none does."""
     if at + HEAD.size > len(data):
         return None
     mark, length, crc = HEAD.unpack_from(data, at)
@@ -137,7 +137,7 @@ def locked(path: Path) -> int:
 
 
 def looked_through(path: Path, data: bytes) -> Scan:
-    """Return what the file holds. Raise JournalError for another format; a torn first line is an empty journal."""
+    """What the file holds. Raise JournalError for another format; a torn first line is an empty journal."""
     if MAGIC.startswith(data[: len(MAGIC)]):
         return scan(data) if data.startswith(MAGIC) else Scan(0, None, 0)
     other = version(data)

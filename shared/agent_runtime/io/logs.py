@@ -55,7 +55,7 @@ class Repeats(Generic[K]):
         return count <= SINGLY
 
     def over(self, now: float) -> list[tuple[K, int]]:
-        """Return how many of which kind were not told in the window that is over by `now` [s], which is forgotten."""
+        """How many of which kind were not told in the window that is over by `now` [s], which is forgotten."""
         if now < self._until:
             return []
         withheld = [(kind, count - SINGLY) for kind, count in self._seen.items() if count > SINGLY]
@@ -105,7 +105,6 @@ class Log:
         self._least = LEVELS[level]
 
     def write(self, event: str, level: str = "info", **fields: Any) -> None:
-        """One line."""
         self.write_all([(clock.now(), event, level, fields)])
 
     def write_all(self, lines: Sequence[_Line]) -> None:

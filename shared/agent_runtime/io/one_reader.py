@@ -42,7 +42,7 @@ class OneReaderQueue(Generic[T]):
             pass
 
     def get(self, timeout_s: float | None = None) -> T:
-        """Return the oldest item; wait for one at most `timeout_s` [s], None: for ever. Raise queue.Empty."""
+        """The oldest item; wait for one at most `timeout_s` [s], None: for ever. Raise queue.Empty."""
         try:
             return self._items.popleft()
         except IndexError:

@@ -67,7 +67,7 @@ class Tries:
 
 
 def why_not(endpoint: str, tls: dict[str, Any] | None) -> str:
-    """Return why a session is not had at an endpoint (tls/host:port) with these files; "" where all is well so far.
+    """Why a session is not had at an endpoint (tls/host:port) with these files; "" where all is well so far.
 
     `tls`: as `secured.client_tls` returns it. Blocks for some seconds at most, beside the resolution of a name.
     """
@@ -92,7 +92,7 @@ def why_not(endpoint: str, tls: dict[str, Any] | None) -> str:
 
 
 def no_loopback() -> str:
-    """Return why the processes of this host cannot meet on 127.0.0.1; "" where they can: a port there takes a
+    """Why the processes of this host cannot meet on 127.0.0.1; "" where they can: a port there takes a
     connection.
     """
     try:
@@ -179,7 +179,7 @@ def _answer(secured: ssl.SSLSocket) -> str:
 
 
 def _outside(own: Path) -> str:
-    """Return the reason why the own certificate is not valid now; "" if it is."""
+    """The reason why the own certificate is not valid now; "" if it is."""
     if not own.name:
         return ""
     from agent_runtime.io import issuing  # heavy, and seldom needed

@@ -79,7 +79,7 @@ def _awaited(options: Options, pulse: ProcessHeartbeat, ended: OneReaderEvent) -
 
 
 def _age(options: Options) -> tuple[int, int] | None:
-    """Return the age of the router's keys, of those that are made together the last ones; None: there are none."""
+    """The age of the router's keys, of those that are made together the last ones; None: there are none."""
     return None if options.keys is None else age(options.keys, ROUTER)
 
 

@@ -19,12 +19,12 @@ LOOPBACK = ("127.0.0.1", 0)  # a free port
 
 
 def heartbeat_file(run: Path, name: str) -> Path:
-    """Return the file that a process writes or touches each second."""
+    """The file that a process writes or touches each second."""
     return run / f"{name}.heartbeat.json"
 
 
 def ready_file(run: Path, name: str) -> Path:
-    """Return the file that says that a process is ready."""
+    """The file that says that a process is ready."""
     return run / f"{name}.ready"
 
 
@@ -97,7 +97,7 @@ def write_secret(path: Path, data: bytes) -> None:
 
 
 def listen_at(text: str) -> tuple[str, int]:
-    """Return host and port of host:port; LOOPBACK for "". Raise ValueError for anything else."""
+    """Host and port of host:port; LOOPBACK for "". Raise ValueError for anything else."""
     if not text:
         return LOOPBACK
     host, colon, port = text.rpartition(":")

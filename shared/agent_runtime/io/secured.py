@@ -42,12 +42,10 @@ class KeysError(RuntimeFault):
 
 
 def certificate_file(folder: Path, identity: str) -> Path:
-    """The certificate of an identity."""
     return folder / f"{identity}.pem"
 
 
 def key_file(folder: Path, identity: str) -> Path:
-    """The private key of an identity."""
     return folder / f"{identity}.key"
 
 
@@ -121,7 +119,7 @@ def links_file(folder: Path, agent: str) -> Path:
 
 
 def age(folder: Path, identity: str) -> tuple[int, int] | None:
-    """Return when the key of an identity was written, and the list of revoked ones; None: there is no key (now); 0: no
+    """When the key of an identity was written, and the list of revoked ones; None: there is no key (now); 0: no
     list.
     """
     try:
@@ -134,7 +132,7 @@ def age(folder: Path, identity: str) -> tuple[int, int] | None:
 
 
 def revoked(folder: Path) -> tuple[str, ...]:
-    """Return the common names whose certificates are of no use any more, sorted. Raise KeysError."""
+    """The common names whose certificates are of no use any more, sorted. Raise KeysError."""
     try:
         return msgspec.json.decode((folder / REVOKED).read_bytes(), type=tuple[str, ...])
     except FileNotFoundError:
@@ -146,7 +144,7 @@ def revoked(folder: Path) -> tuple[str, ...]:
 
 
 def granted(access_control: dict[str, Any], denied: tuple[str, ...]) -> dict[str, Any]:
-    """Return the router's rules without those for common names that are denied: what no rule allows is refused."""
+    """The router's rules without those for common names that are denied: what no rule allows is refused."""
     kept = [policy for policy in access_control["policies"] if not set(policy["subjects"]) & set(denied)]
     return access_control | {"policies": kept}
 

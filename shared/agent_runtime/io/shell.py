@@ -251,7 +251,7 @@ class Shell:
                 self._on_time()
 
     def _session(self, stop_came: Callable[[], bool]) -> zenoh.Session | None:
-        """Return the session with the neighbours; None where a stop came."""
+        """The session with the neighbours; None where a stop came."""
         told = ""
         while not stop_came():
             try:
@@ -294,7 +294,7 @@ class Shell:
         return bool(stopping)
 
     def _next_at(self) -> float:
-        """Return the time of the next work that needs no event [unix s]."""
+        """The time of the next work that needs no event [unix s]."""
         if self._disk.events:
             return 0.0
         at = self._beat_at

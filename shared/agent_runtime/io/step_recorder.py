@@ -82,7 +82,6 @@ class StepRecorder:
             self._put_down()
 
     def write(self) -> None:
-        """Write what is not written."""
         self._put_down()
         self._steps.flush()
         self._noted = 0

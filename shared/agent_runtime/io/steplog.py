@@ -225,7 +225,7 @@ class Reader:
                 yield step
 
     def _line(self, file: IO[bytes]) -> tuple[Step, int] | None:
-        """Return the next step and the offset behind it; None where there is no whole one."""
+        """The next step and the offset behind it; None where there is no whole one."""
         head = file.read(HEAD.size)
         if len(head) < HEAD.size:
             return None
@@ -249,7 +249,7 @@ def read(path: Path) -> Iterator[Step]:
 
 
 def deeds(folder: Path) -> list[tuple[str, Deed]]:
-    """Return (agent, deed) of all agents whose logs AGENT.steps lie in a folder, in an order in which it can have been.
+    """(agent, deed) of all agents whose logs AGENT.steps lie in a folder, in an order in which it can have been.
 
     An agent's steps stay in their order, and what is taken was said before; the rest is put in order by time. Time
     alone does not do: clocks of two hosts differ, and one may be set back.
@@ -271,7 +271,7 @@ def _in_order(logs: dict[str, list[Step]]) -> Iterator[tuple[str, Step]]:
 
 
 def _causes(steps: list[Step], said_at: dict[tuple[str, float], int]) -> list[tuple[str, int] | None]:
-    """Return for each step the agent and place of the one that said what it took; None where no log shows it."""
+    """For each step the agent and place of the one that said what it took; None where no log shows it."""
     came: dict[str, tuple[str, float]] = {}
     causes: list[tuple[str, int] | None] = []
     for step in steps:
@@ -296,7 +296,7 @@ def replay(core: Core[Any], steps: Iterator[Step]) -> Iterator[tuple[Step, Effec
 
 
 def booted(core: Core[Any], record: bytes) -> CoreState:
-    """Return the state in which a life of the log begins; a first one with the memory that the code gives it now."""
+    """The state in which a life of the log begins; a first one with the memory that the code gives it now."""
     if not record:
         return core.boot(None)
     begun = msgspec.msgpack.decode(record, type=_Begun)
@@ -304,7 +304,7 @@ def booted(core: Core[Any], record: bytes) -> CoreState:
 
 
 def journal_of(record: bytes) -> str:
-    """Return the name of the journal that a life of the log begins with. Raise msgspec.MsgspecError for no record."""
+    """The name of the journal that a life of the log begins with. Raise msgspec.MsgspecError for no record."""
     return msgspec.msgpack.decode(record, type=_Begun).journal if record else ""
 
 

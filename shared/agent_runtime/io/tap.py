@@ -106,7 +106,7 @@ def open_ear(
 
 
 def _passed(sample: zenoh.Sample) -> float:
-    """Return when it passed the router [unix s], whose clock stamps it, however late it is read here.
+    """When it passed the router [unix s], whose clock stamps it, however late it is read here.
 
     A stamp that cannot be (another host's clock, or a sender's own) counts for nothing.
     """
@@ -183,7 +183,7 @@ class Waiting:
             return None
 
     def left(self) -> list[Sample]:
-        """Return the waiting samples."""
+        """The waiting samples."""
         left = []
         while len(self._queue):
             sample = self.get(0.0)

@@ -108,12 +108,10 @@ class Worker:
 
     @property
     def pid(self) -> int:
-        """The child's process id."""
         return self._process.pid
 
     @property
     def alive(self) -> bool:
-        """Whether the child still runs."""
         return self._process.poll() is None
 
     def tell(self, message: Any) -> None:
@@ -166,7 +164,7 @@ class Worker:
 
 
 def _started(entry: str, end: int, lifeline: int, nice: int) -> "subprocess.Popen[bytes] | Forked":
-    """Return the child, forked where this process has a fork server."""
+    """The child, forked where this process has a fork server."""
     words = (entry, str(end), str(lifeline), str(nice))
     hand = [Handed(file, file) for file in (1, 2, end, lifeline)]
     if (forked := fork(MODULE, *words, environment=os.environ, hand=hand)) is not None:
@@ -176,7 +174,7 @@ def _started(entry: str, end: int, lifeline: int, nice: int) -> "subprocess.Pope
 
 
 def _ended(code: int) -> str:
-    """Return how a process ended that said nothing of it."""
+    """How a process ended that said nothing of it."""
     return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
 
 

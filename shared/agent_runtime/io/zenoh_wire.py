@@ -247,7 +247,6 @@ class ZenohWire:
         return key, _SECOND, _LAST, link.delivery is Delivery.LATEST
 
     def send_receipt(self, receipt: Receipt) -> None:
-        """Put a receipt."""
         key = service_key(self._wiring.system, "receipt", self._wiring.agent, receipt.peer)
         self._put(receipt.peer, key, msgspec.msgpack.encode(receipt), _FIRST, self._attached(receipt.peer))
 
@@ -302,7 +301,7 @@ class ZenohWire:
         self._inbox.put(kind, Bytes(key, address, data, *attached), address[0], len(data))
 
     def _read_key(self, key: str) -> tuple[Class, tuple[str, ...], bool]:
-        """Return the parts of a key, cached up to a bound, since strangers may make up keys without end."""
+        """The parts of a key, cached up to a bound, since strangers may make up keys without end."""
         chunks = key.split("/")
         link = self._wiring.link(chunks[3], chunks[5])
         durable = link is not None and link.delivery is Delivery.DURABLE
@@ -353,7 +352,7 @@ def _attachment(sample: zenoh.Sample) -> Attached:
 
 @lru_cache(KNOWN_NAMES)
 def _attached(attached: bytes) -> Attached:
-    """Return the names of both journals, and which message a durable one follows (Arrived)."""
+    """The names of both journals, and which message a durable one follows (Arrived)."""
     parts = (*attached[:LONGEST_NAMES].decode("ascii", "replace").split("/"), "", "", "")
     own, believed, after, heard = parts[:4]
     with suppress(ValueError):

@@ -36,12 +36,10 @@ class Alone:
 
     @property
     def state(self) -> str:
-        """The state of its machine."""
         return self._state.state
 
     @property
     def memory(self) -> Any:
-        """Its memory."""
         return self._state.memory
 
     @property
@@ -97,7 +95,6 @@ class Alone:
         return tuple(one.performative for one in self.said if one.conversation == conversation)
 
     def content(self, communicate: Communicate) -> Any:
-        """Return the content of a communicate, decoded."""
         return self.wiring.languages.read(communicate)[0]
 
     def _happen(self, event: AnyEvent) -> None:

@@ -132,7 +132,6 @@ class MemoryBus:
         return agent_table.memory if node.journal is None else restored(agent_table, node.journal).memory
 
     def up(self, agent: str) -> bool:
-        """Whether the agent is running."""
         return self.nodes[agent].state is not None
 
     def post(self, agent: str, content: Any, delay_s: float = 0.0) -> None:
@@ -195,7 +194,6 @@ class MemoryBus:
         self.run(lambda: bool(over), limit_s=seconds + 1.0)
 
     def close(self) -> None:
-        """Close all devices."""
         for node in self.nodes.values():
             node.device.close()
 

@@ -90,12 +90,13 @@ def situation(ask: Asking, robot: Robot, state: str) -> Situation:
 
 def _roomy(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
     """The boards of a leaf with its panel, which is wider than thick, thicker by ROOM_M on each side."""
-    return tuple(_thicker(one) if isinstance(one, Box) and one.size[1] > one.size[0] else one for one in shapes)
-
-
-def _thicker(board: Box) -> Box:
-    x, y, z = board.size
-    return replace(board, size=(x + 2 * ROOM_M, y, z))
+    found: list[Shape] = []
+    for one in shapes:
+        if isinstance(one, Box) and one.size[1] > one.size[0]:
+            x, y, z = one.size
+            one = replace(one, size=(x + 2 * ROOM_M, y, z))
+        found.append(one)
+    return tuple(found)
 
 
 def configured(side: Side, q: np.ndarray, fingers: float | None = None) -> tuple[wm.AnyChange, ...]:

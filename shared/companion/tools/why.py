@@ -8,7 +8,7 @@ from companion.languages import cmd, hfsm, rc, sw, wm
 from companion.sentences import at, does, evidence, operator, plain, spaced
 from companion.tools import asking
 from companion.tools.asking import KM, written
-from companion.tools.report.plans import Act, Made, Ran, acts, made, ran
+from companion.tools.report.plans import Made, Ran, acts, made, ran
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
 from operate.recording.records import Spoken
@@ -41,8 +41,10 @@ def _record(one: Spoken) -> str:
 def _waiting(history: History, task: Span, runs: list[Ran]) -> Iterator[Fact]:
     """Yield what co told of the task's place in its queue, and why it was left and taken up."""
     aside = False
-    for one in _reports(history, task):
+    for one in history.said:
         report = one.content
+        if one.conversation != task.conversation or not isinstance(report, cmd.TaskReport):
+            continue
         if report.state is cmd.TaskState.WAITING:
             yield Fact(one.sent, f"co took it: {operator(report.why)}", _record(one))
         elif report.state is cmd.TaskState.RUNNING and (left := _left(history, one, runs)) is not None:
@@ -53,12 +55,6 @@ def _waiting(history: History, task: Span, runs: list[Ran]) -> Iterator[Fact]:
         elif aside and report.state is cmd.TaskState.PLANNING:
             yield Fact(one.sent, f"co took it up again: {operator(report.why)}", _record(one))
             aside = False
-
-
-def _reports(history: History, task: Span) -> Iterator[Spoken]:
-    for one in history.said:
-        if one.conversation == task.conversation and isinstance(one.content, cmd.TaskReport):
-            yield one
 
 
 def _left(history: History, report: Spoken, runs: list[Ran]) -> Spoken | None:
@@ -116,30 +112,23 @@ def _succeeding(machine: hfsm.Machine) -> Iterator[str]:
 def _went(history: History, plan: Ran) -> Iterator[Fact]:
     name = plan.plan.rpartition("-")[2].replace("plan", "plan ")
     mine = [one for one in acts(history) if one.command.key.startswith(f"{plan.plan}/")]
-    yield from (_failed(one) for one in mine if one.end is not None and not one.done)
-    reports = [one for one in history.said if one.conversation == plan.conversation]
-    last = next((one for one in reversed(reports) if _final(one)), None)
+    for one in mine:
+        if one.end is not None and not one.done:
+            command: rc.Command = one.command
+            what = " ".join(filter(None, (spaced(type(command).__name__), getattr(command, "object", ""))))
+            yield Fact(one.end, f"ex did not do “{plain(what)}”: {one.reason}", f"act {command.key}")
+    said = (one for one in reversed(history.said) if one.conversation == plan.conversation)
+    reports = [one for one in said if isinstance(one.content, sw.Report)]  # newest first
+    last = next((one for one in reports if one.content.state in sw.FINAL), None)
     if last is None:
         return
     done = sum(one.done for one in mine)
-    places = (one.content.at for one in reversed(reports) if isinstance(one.content, sw.Report) and one.content.at)
-    where = at(next(places, None))
+    where = at(next((one.content.at for one in reports if one.content.at), None))
     reason = operator(last.content.why) or (f"at “{where}”" if where else "")
     after = f" after {done} act{'s' * (done != 1)}" if mine else ""
     words = f"ta ended {name} with {last.content.state}{after}" + (f": {reason}" if reason else "")
     yield Fact(last.sent, words, _record(last))
     yield from (Fact(last.sent, plain(evidence(one)), _record(last)) for one in last.content.evidence)
-
-
-def _final(one: Spoken) -> bool:
-    return isinstance(one.content, sw.Report) and one.content.state in sw.FINAL
-
-
-def _failed(act: Act) -> Fact:
-    command: rc.Command = act.command
-    what = " ".join(filter(None, (spaced(type(command).__name__), getattr(command, "object", ""))))
-    assert act.end is not None
-    return Fact(act.end, f"ex did not do “{plain(what)}”: {act.reason}", f"act {command.key}")
 
 
 # --- Beliefs of km about a thing and since when: by which observation, told by whom, seen in which act ----------------
@@ -170,7 +159,8 @@ TRUTH = {"hasExactPose": ("only predicted", "known as it was seen"), "isMoveable
 def believed(run: Run, name: str, at: float | None = None) -> Why | None:
     """What is believed of a thing, now or `at` [s after the first communicate]; None for an unknown one."""
     known = asking.known(run, at)
-    thing = next((one for one in _things(known) if name in (one, plain(one), one.partition("_")[0])), None)
+    things = [_local(row[0]) for row in _asked(known, THINGS)]
+    thing = next((one for one in things if name in (one, plain(one), one.partition("_")[0])), None)
     if thing is None:
         return None
     told: defaultdict[tuple[float, bool], list[str]] = defaultdict(list)
@@ -181,10 +171,6 @@ def believed(run: Run, name: str, at: float | None = None) -> Why | None:
     facts = [fact for (since, content), texts in told.items() for fact in _observed(run, since, thing, texts, content)]
     facts += _confirmed(run, thing, at)
     return Why(thing, f"{plain(thing)}: {known.words}", known.begin, (Passage("what is believed", tuple(facts)),))
-
-
-def _things(known: asking.Known) -> list[str]:
-    return [_local(row[0]) for row in _asked(known, THINGS)]
 
 
 def _asked(known: asking.Known, text: str) -> list[list[Term]]:

@@ -46,14 +46,14 @@ class Escape(NamedTuple):
     safe: str
 
     def enter(self, text: str) -> str:
-        """Return our text for one of another platform; it can be too long to be a word or label.
+        """Our text for one of another platform; it can be too long to be a word or label.
 
         Raise UnicodeEncodeError for half a surrogate pair.
         """
         return text if self._stays(text) else self._escaped(text)
 
     def leave(self, text: str) -> str:
-        """Return the text of another platform for one of ours."""
+        """The text of another platform for one of ours."""
         meant = self._meant_by(text)
         return text if meant is None else meant
 
@@ -64,7 +64,7 @@ class Escape(NamedTuple):
         return self.prefix + quoted
 
     def _meant_by(self, text: str) -> str | None:
-        """Return what a text of ours stands for, None unless it is what `enter` makes of it."""
+        """What a text of ours stands for, None unless it is what `enter` makes of it."""
         if not text.startswith(self.prefix):
             return None
         try:
@@ -109,7 +109,7 @@ class Form(StrEnum):
 
 
 def write(content: msgspec.Raw, form: Form) -> tuple[str, str | None]:
-    """Return text and encoding of well-formed MessagePack, such that `read` returns the same bytes."""
+    """Text and encoding of well-formed MessagePack, such that `read` returns the same bytes."""
     return (_readable(content) if form is Form.READABLE else None) or (
         base64.b64encode(content).decode(),
         MSGPACK_BASE64,
@@ -117,7 +117,7 @@ def write(content: msgspec.Raw, form: Form) -> tuple[str, str | None]:
 
 
 def read(content: str | bytes, encoding: str | None, jade_encoding: str | None) -> msgspec.Raw:
-    """Return content as MessagePack; with an encoding of other platforms it is a string.
+    """Content as MessagePack; with an encoding of other platforms it is a string.
 
     Raise MalformedError if the content does not have its encoding; one that JADE's parameter names wrongly is ignored.
     """
@@ -181,7 +181,7 @@ def to_acl(
     form: Form = Form.READABLE,
     profile: Profile = Profile.FIPA,
 ) -> AclMessage:
-    """Return the ACL message of a communicate; `from_acl` of the same profile returns the same communicate.
+    """The ACL message of a communicate; `from_acl` of the same profile returns the same communicate.
 
     `names`: identifiers (with addresses) by names of agents. Raise LocalProtocolError if the communicate is not valid
     (`encode_strictly`).
@@ -215,7 +215,7 @@ def from_acl(
     receiver: str = "",
     profile: Profile = Profile.FIPA,
 ) -> Communicate:
-    """Return the communicate of an ACL message. `received` [unix s]: the reference of a relative reply-by.
+    """The communicate of an ACL message. `received` [unix s]: the reference of a relative reply-by.
 
     `names` as in `to_acl`. `receiver`: name of the agent whose copy this is, if the message has several receivers.
     `profile`: whose protocols FIPA's tokens mean. User-defined parameters of others are dropped, and so are ours with a
@@ -267,7 +267,7 @@ def reply_names(message: AclMessage, names: Mapping[str, Aid] = _NOBODY) -> dict
 
 
 def _user(communicate: Communicate, profile: Profile) -> dict[str, str]:
-    """Return the user-defined parameters for values that the standard parameters do not represent."""
+    """The user-defined parameters for values that the standard parameters do not represent."""
     act, protocol = communicate.performative, communicate.protocol
     sent, reply_by = float(communicate.sent), communicate.reply_by
     return {
@@ -291,7 +291,7 @@ def _act_out(act: Performative) -> Performative:
 
 
 def _answers(act: Performative, name: str, profile: Profile) -> Performative:
-    """Return the received act; by the paper the answer to a query is inform-ref."""
+    """The received act; by the paper the answer to a query is inform-ref."""
     papers = profile is Profile.PAPER and act is Performative.INFORM and name == QUERY.name
     return Performative.INFORM_REF if papers else act
 
@@ -304,7 +304,7 @@ def _act_in(message: AclMessage, user: Mapping[str, str], profile: Profile) -> P
 
 
 def _token_of(name: str) -> str:
-    """Return FIPA's token of a protocol, or its name if there is none."""
+    """FIPA's token of a protocol, or its name if there is none."""
     name = WORD.leave(name)
     try:
         protocol = named(name)
@@ -314,7 +314,7 @@ def _token_of(name: str) -> str:
 
 
 def _name_of(token: str, profile: Profile) -> str:
-    """Return the name of a protocol of FIPA by its token; any other name is unchanged."""
+    """The name of a protocol of FIPA by its token; any other name is unchanged."""
     lower = token.lower()
     if profile is Profile.PAPER and lower in _PAPERS:
         return _PAPERS[lower]
@@ -333,7 +333,7 @@ def _protocol_in(message: AclMessage, user: Mapping[str, str], profile: Profile)
 
 
 def _at(seconds: float) -> At:
-    """Return the last millisecond not after a time, limited to the years 1 to 9999."""
+    """The last millisecond not after a time, limited to the years 1 to 9999."""
     ms = seconds * 1000
     if not MIN_MS < ms < MAX_MS:
         return At(MIN_MS if ms < 0 else MAX_MS)
@@ -352,7 +352,7 @@ def _reply_by(message: AclMessage, received: float, user: Mapping[str, str]) -> 
 
 
 def _seconds(user: Mapping[str, str], name: str, otherwise: float) -> float:
-    """Return the unix seconds in a user-defined parameter, `otherwise` if it is absent or says something else."""
+    """The unix seconds in a user-defined parameter, `otherwise` if it is absent or says something else."""
     try:
         seconds = float(user.get(name.lower(), "nan"))
     except ValueError:

@@ -116,7 +116,7 @@ _AMOUNTS_MS = (365 * _DAY_MS, 30 * _DAY_MS, _DAY_MS, 3_600_000, 60_000, 1000, 1)
 
 
 def read_date(match: re.Match[bytes], zone: timezone) -> At | After:
-    """Return the time of a match of DATE; `zone` is that of an absolute time without Z.
+    """The time of a match of DATE; `zone` is that of an absolute time without Z.
 
     Raise ValueError with what was expected: another letter than Z, a day or an hour that the calendar does not have (a
     leap second too), a time outside the years 1 to 9999.
@@ -143,7 +143,7 @@ def read_date(match: re.Match[bytes], zone: timezone) -> At | After:
 
 
 def print_date(time: At | After) -> str:
-    """Return the token; absolute times in UTC with Z."""
+    """The token; absolute times in UTC with Z."""
     if isinstance(time, At):
         moment = EPOCH + timedelta(milliseconds=time.unix_ms)
         return _token("", moment.timetuple()[:6], moment.microsecond // 1000) + "Z"
@@ -194,7 +194,7 @@ class AclSyntaxError(MalformedError):
 
 
 def shown(data: bytes) -> str:
-    """Return the first token of `data`, shortened for an error message."""
+    """The first token of `data`, shortened for an error message."""
     if not data:
         return "the end of the text"
     match = _TOKEN.match(data)

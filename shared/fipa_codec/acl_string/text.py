@@ -70,7 +70,7 @@ class Scanner:
         self.items = 0
 
     def wrong(self, expected: str, at: int | None = None, found: str = "") -> AclSyntaxError:
-        """Return the error for position `at`, by default the current one."""
+        """The error for position `at`, by default the current one."""
         offset = self.at if at is None else at
         return AclSyntaxError(self.field, self.data, offset, found or shown(self.data[offset : offset + 200]), expected)
 
@@ -102,7 +102,7 @@ class Scanner:
         return self.text(self.data[start : self.at], start)
 
     def run_end(self) -> int:
-        """Return the end of the word here: at white space, a parenthesis or a parameter joined to it."""
+        """The end of the word here: at white space, a parenthesis or a parameter joined to it."""
         match = _RUN_END.search(self.data, self.at)
         return match.start() if match else len(self.data)
 
@@ -211,7 +211,7 @@ Reader = Callable[["_Reader"], Any]
 
 
 def parse(data: str | bytes, *, zone: timezone = UTC) -> AclMessage:
-    """Return the message in `data`, which need not be trusted; `zone` is that of times without Z.
+    """The message in `data`, which need not be trusted; `zone` is that of times without Z.
 
     Raise AclSyntaxError, and no other exception, with the position, what was found there and what was expected.
     """
@@ -388,7 +388,7 @@ _USER_NAME = re.compile(r'[Xx]-[^\x00-\x20()"]+')
 
 
 def render(message: AclMessage) -> bytes:
-    """Return the text, in UTF-8 except for binary content.
+    """The text, in UTF-8 except for binary content.
 
     Raise LocalProtocolError if it would not parse to `message`.
     """

@@ -3,8 +3,8 @@ again, without any fleet; `... observations RUN_DIR` prints what was said. `... 
 """
 
 import sys
+import time
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +18,8 @@ from operate.recording.recorder import serve
 from operate.run_folder import NothingToRead
 from operate.system import NoSystemError, here
 
+TRIES = 50
+"""Estimate: a process that was killed lets its files go within milliseconds, on a busy machine in a second."""
 TEXT = "The recorder: writes all traffic into traffic.mcap. `report RUN_DIR` makes the report of a run folder again."
 
 
@@ -44,8 +46,14 @@ def closed(file: Annotated[Path, typer.Argument(help="A recording.")]) -> None:
     from operate.recording import index
 
     sys.stdin.buffer.read()
-    with suppress(OSError):  # it was taken away meanwhile
-        index.write(file)
+    for _ in range(TRIES):
+        try:
+            index.write(file)
+            return
+        except BlockingIOError:  # its lock may live a moment longer than the pipe of who was killed
+            time.sleep(0.1)
+        except OSError:  # it was taken away meanwhile
+            return
 
 
 VERBS: dict[str, Callable[..., None]] = {"report": report, "observations": observations, "closed": closed}

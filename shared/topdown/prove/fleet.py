@@ -1,9 +1,9 @@
 """The composed system: every agent's rows and conversations on ideal durable queues, with faults of all soft parts.
 
 Durable streams are ideal FIFO queues here; layer 1 proves that they may be taken so. Queries, subscriptions and
-observations are volatile (parts.py, soft.py): lost or doubled by faults, asked again once nothing is on the way. A death
-and the coming back are one step: what is in the journal stays, soft conversations are gone. What is left out, and why
-that is safe, stands in abstractions.py. A state is a flat tuple of small numbers, so that millions fit into memory.
+observations are volatile (parts.py, soft.py): lost or doubled by faults, asked again once nothing is on the way. A
+death and the coming back are one step: what is in the journal stays, soft conversations are gone. What is left out, and
+why that is safe, stands in abstractions.py. A state is a flat tuple of small numbers, so that millions fit into memory.
 """
 
 from collections import deque

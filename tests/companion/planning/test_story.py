@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 
+import numpy as np
 import pytest
 from planned import Km, acts, steps
 
@@ -12,6 +13,9 @@ from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from services.task import plan as plans
 from velma import names
+from velma.kinematics.frames import tilt, transform
+from velma.kinematics.robot import Robot
+from velma.kinematics.tasks.carrying import CARRY_TILT
 
 REPLAN = hfsm.Outcome.REPLAN
 
@@ -93,6 +97,15 @@ def test_motions_begin_where_the_robot_stands(first) -> None:
             assert max(abs(x - y) for x, y in zip(a, b, strict=True)) < 0.06
     home = tuple(names.START[names.ARM["right"]])
     assert moves[-1].path[-1][1:] == pytest.approx(home)
+
+
+def test_what_is_carried_stays_upright(first) -> None:
+    """All the way from before the cabinet to where the other arm has room."""
+    grasp, carry, q = acts(first[1], rc.Grasp)[0], acts(first[1], rc.MoveJoint)[1], np.array(names.START)
+    inside = transform(grasp.approach[-1].at).inverse()
+    for point in carry.path[:: max(1, len(carry.path) // 20)]:
+        q[names.COLUMNS["left"]] = point
+        assert tilt(Robot().grip(q, "left") * inside) < CARRY_TILT + 0.01
 
 
 def test_queries_are_counted_as_asked(first, second) -> None:

@@ -21,7 +21,7 @@ _opened = cache(lambda place: _open(place, SYSTEM))
 
 @pytest.fixture
 def answered_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Questions are answered in this process, of recordings that are read once."""
+    """Questions are answered in this process."""
     monkeypatch.setattr(asked, "bound", lambda seconds: None)
     monkeypatch.setattr(asking, "answered", asked.answer)
     monkeypatch.setattr(run, "opened", lambda place, system=None: _opened(place))

@@ -15,7 +15,10 @@ from fipa_codec.protocols import FIPA, PAPER
 from fipa_codec.tables import Protocol, Role, Row, Table, Way, known
 from operate.cli.__main__ import app
 
-NAMES = sorted({one.name for one in known()} | set(DESIGN.own_tables))
+
+def names() -> list[str]:
+    """Of all protocols, those that another test's system has registered too."""
+    return sorted({one.name for one in known()} | set(DESIGN.own_tables))
 
 
 def protocol(*words: str) -> Result:
@@ -39,7 +42,7 @@ def table(side: dict[str, Any]) -> Table:
 
 def test_json_is_the_whole_protocol() -> None:
     """Made again of what is printed, it is the same."""
-    for name in NAMES:
+    for name in names():
         shown = json.loads(protocol(name, "--format", "json").stdout)
         again = Protocol(
             shown["about"]["name"],
@@ -54,7 +57,7 @@ def test_json_is_the_whole_protocol() -> None:
 
 def halves() -> Iterator[tuple[list[str], str, Role]]:
     """The lines of each role of each protocol."""
-    for name in NAMES:
+    for name in names():
         said = protocol(name).stdout.replace("\nparticipant\n", "\ninitiator\n")
         _, *both = (half.splitlines() for half in said.split("\ninitiator\n"))
         for lines, role in zip(both, Role, strict=True):
@@ -80,7 +83,7 @@ def test_text_has_every_row_and_every_mark() -> None:
 def test_the_list_names_each_once_with_whose_rules_it_has() -> None:
     """A protocol common to FIPA and the paper is listed once; the design's own protocols are listed as the design's."""
     listed = json.loads(protocol("--format", "json").stdout)
-    assert sorted(one["name"] for one in listed) == NAMES
+    assert sorted(one["name"] for one in listed) == names()
     origins = {one["name"]: one["origin"] for one in listed}
     assert {name for name, origin in origins.items() if origin == "FIPA"} == {p.name for p in set(FIPA) - set(PAPER)}
     assert {name for name, origin in origins.items() if origin == "the paper"} == {
@@ -97,7 +100,7 @@ def test_an_alias_means_the_same() -> None:
 def test_the_drawing_is_an_svg_with_every_opening(tmp_path: Path) -> None:
     """Its name above, the roles, and the acts that open it."""
     file = tmp_path / "made" / "exchange.svg"
-    for name in NAMES:
+    for name in names():
         assert protocol(name, "--svg", str(file)).exit_code == 0
         texts = " ".join(ElementTree.fromstring(file.read_text()).itertext()).split()
         assert {name, "initiator", "participant", *of(name).openings} <= set(texts)
@@ -107,6 +110,6 @@ def test_an_unknown_name_is_told_the_known_ones(tmp_path: Path) -> None:
     """Exit code 2, as for any name that is not there; the same for a file that cannot be written."""
     said = protocol("auction")
     assert (said.exit_code, said.stdout) == (2, "")
-    assert all(name in said.stderr for name in NAMES)
+    assert all(name in said.stderr for name in names())
     (tmp_path / "folder").mkdir()
     assert protocol("cfp", "--svg", str(tmp_path / "folder")).exit_code == 2

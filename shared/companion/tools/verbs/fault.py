@@ -78,7 +78,7 @@ def moveable(ctx: typer.Context, incomplete: str) -> list[str]:
     return []
 
 
-For = Annotated[float, typer.Option("--for", min=0.1, help="How long it lasts [s]; then it is healed.")]
+For = Annotated[float, typer.Option("--for", min=0.1, help="Seconds until it is healed.")]
 
 
 def sensor(

@@ -23,7 +23,7 @@ from companion.run_files import TaskLine
 from companion.tools.live import LOOP
 from companion.tools.system import JOB
 from companion.tools.verbs import checkup
-from companion.tools.verbs.hi import Hi, HiError, address
+from companion.tools.verbs.hi import ON_ITS_WAY, Hi, HiError, address
 from companion.tools.verbs.page import door_when_there
 from operate.cli import interrupts
 from operate.cli.errors import ConsoleError, UsageError
@@ -39,7 +39,7 @@ from operate.cli.runs.trials import Asked
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.run_state import View
 from operate.cli.terminal.watch import Watch
-from operate.run_folder import REPORT_FILE, ProcessState
+from operate.run_folder import REPORT_FILE
 from operate.system import here
 from velma.sim import gl
 
@@ -52,9 +52,6 @@ AWAY_S = 60.0  # estimate: a killed hi is back in seconds, a hung one in ten
 LAST_LOOKS = 5  # estimate: five times what the recorder holds back
 REST_S = 90.0
 """Estimate: ta waits 20 s for the end of an act that it stopped (services.task.acts), then makes safe what is held."""
-
-
-COMING = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF)
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -130,7 +127,8 @@ def follow(hi: Callable[[], Hi], sentence: str, watch: Watch, alive: Callable[[]
     while task.state not in ENDED:
         try:
             tasks = hi().tasks()
-            task = _found(tasks, task, sentence) or hi().say(sentence)
+            mine = (line for line in tasks if task.task in ("", line.task) and line.said == sentence)
+            task = next(mine, None) or hi().say(sentence)
             heard = time.monotonic()
             watch.look(tasks=tasks)
         except HiError as error:
@@ -182,7 +180,7 @@ def _busy(run: Path, rests: Mapping[str, str], since: float) -> Iterator[str]:
 def _not_up(look: Look) -> Iterator[str]:
     """Yield the processes that hang, which a supervisor ends, and those on their way to be ready."""
     for one in look.seen:
-        if one.status.state in COMING:
+        if one.status.state in ON_ITS_WAY:
             yield f"{one.name} is {one.status.state}"
         elif words := stuck(one):
             yield f"{one.name} {words}" if words.startswith("hangs") else f"{one.name} is {words}"
@@ -193,11 +191,6 @@ def _unheard(run: Path, view: View) -> Iterator[str]:
     began, loop = ready_file(run, RECORDER), view.agents.get(LOOP)
     if began.exists() and began.stat().st_mtime > (0.0 if loop is None else loop.t):
         yield f"{RECORDER} has not heard of the robot"
-
-
-def _found(tasks: tuple[TaskLine, ...], task: TaskLine, sentence: str) -> TaskLine | None:
-    """The task that the sentence became, as it is now."""
-    return next((line for line in tasks if task.task in ("", line.task) and line.said == sentence), None)
 
 
 def verdict(report: Report, run: Path, width: int | None = None) -> str:
@@ -221,11 +214,6 @@ def show(run: Path) -> None:
         quiet = subprocess.DEVNULL
         command = [str(RERUN), str(run / PICTURES)]
         subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
-
-
-def verdict_json(report: Report, run: Path) -> str:
-    """The same as one JSON object."""
-    return json.dumps({**msgspec.to_builtins(report), "run": str(run)})
 
 
 # --- `roco demo`: the main job from start to end ----------------------------------------------------------------------
@@ -282,7 +270,7 @@ def demo(
         supervisor_words = [*words, *([] if latest else ["--no-latest"])]
         report = play(run, supervisor_words, watch, lambda: _page(run, console, form, opened=page))
         if form is Format.JSON:
-            said = verdict_json(report, run)
+            said = json.dumps({**msgspec.to_builtins(report), "run": str(run)})
         else:
             said = verdict(report, run, console.width if console.is_terminal else None)
         console.out(said, highlight=False)

@@ -29,7 +29,7 @@ At = Annotated[
         autocompletion=completion.moments,
     ),
 ]
-Within = Annotated[float, typer.Option("--within", min=0.1, help="The moment is waited for so long [s].")]
+Within = Annotated[float, typer.Option("--within", min=0.1, help="Seconds to wait for the moment.")]
 HEADS = ("begun", "fault", "lasted", "what came of it")
 WITHIN_S = 300.0
 """Estimate: longer than a pour on a loaded machine."""
@@ -71,7 +71,7 @@ def fault(
     at: At = "",
     for_: Annotated[
         float | None,
-        typer.Option("--for", min=0.0, help="How long it lasts [s], then it is healed; else as its kind has it."),
+        typer.Option("--for", min=0.0, help="Seconds until it is healed; else as its kind has it."),
     ] = None,
     within: Within = WITHIN_S,
     target: targets.Name = "",
