@@ -1,7 +1,7 @@
 """Whether a pour succeeds when a process is killed, hung, paused or cut off, or the link of two agents is cut: each
 process or link, phase and fault.
 
-One run of `roco chaos` per cell (operate.cli.chaos.trial). Appends one line per cell to a results file and skips cells
+One run of `roco chaos` per cell (operate.cli.faults.chaos). Appends one line per cell to a results file and skips cells
 that stand there, so that it may be ended at any time and goes on. `--table` writes docs/reliability.md.
 
     python benchmarks/fault_table.py --faults kill,pause
@@ -18,8 +18,8 @@ import typer
 
 from companion.tools.promises import begun_twice
 from companion.tools.system import JOB, SYSTEM
-from operate.cli.chaos import trial
-from operate.cli.chaos.trial import Cell
+from operate.cli.faults import chaos
+from operate.cli.faults.chaos import Cell
 from operate.cli.runs import trials
 from operate.recording.run import Run
 from operate.run_folder import REPORT_FILE
@@ -40,7 +40,7 @@ def cell(victim: str, phase: str, fault: str, seed: int, out: Path) -> dict[str,
     """Return what became of one pour, as a line of the results file."""
     one = Cell(seed, fault, victim, phase, JOB.phases[phase], FAULTS[fault])
     asked = trials.Asked(1, seed, "max", None, JOB.timeout_s, 0.0)
-    done = trial.done(out, trials.here("chaos", (*JOB.command, "--faults"), asked), one)
+    done = chaos.done(out, trials.here("chaos", (*JOB.command, "--faults"), asked), one)
     line = {"victim": victim, "phase": phase, "fault": fault, "seed": seed, "done": done.began, "load": done.load}
     line |= {"exit": done.exit, "wall_s": done.wall_s, "poured": done.success, "why": done.why}
     line |= {"broken": done.broken, "stuck": done.stuck, "orphans": done.orphans}

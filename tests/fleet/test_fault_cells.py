@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from companion.tools.system import JOB, SYSTEM
-from operate.cli.chaos import trial
-from operate.cli.chaos.trial import Cell
+from operate.cli.faults import chaos
+from operate.cli.faults.chaos import Cell
 from operate.cli.runs import trials
 
 pytestmark = [pytest.mark.process, pytest.mark.long, pytest.mark.timeout(JOB.timeout_s + 120.0)]
@@ -44,6 +44,6 @@ def test_the_pour_succeeds_all_the_same(phase: str, tmp_path: Path) -> None:
     kind, process, for_s = CELLS[phase]
     cell = Cell(1 + list(CELLS).index(phase), kind, process, phase, JOB.phases[phase], for_s)
     asked = trials.Asked(1, cell.seed, "max", None, JOB.timeout_s, 0.0)
-    done = trial.done(tmp_path, trials.here("chaos", (*JOB.command, "--faults"), asked), cell)
+    done = chaos.done(tmp_path, trials.here("chaos", (*JOB.command, "--faults"), asked), cell)
     assert done.began, done.text
     assert (done.success, done.broken, done.stuck, done.orphans) == (True, (), False, ()), done.why

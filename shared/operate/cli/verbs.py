@@ -96,7 +96,7 @@ VERBS: Table = {
         "fault list": (".faults.verbs:list_", "List the faults of a run."),
         "fault heal": (".faults.verbs:heal", "Heal all faults that go on."),
         "chaos": (
-            ".chaos.verb:chaos",
+            ".faults.chaos:chaos",
             "Do the system's job again and again, each time with a fault that a seed chooses, and judge each whole"
             " history.",
         ),

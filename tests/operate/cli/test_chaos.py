@@ -11,10 +11,9 @@ from typer.testing import CliRunner
 from companion.tools.system import SYSTEM
 from operate.cli import lazy
 from operate.cli.__main__ import app
-from operate.cli.chaos import trial, verb
-from operate.cli.chaos.trial import Cell, Result
 from operate.cli.errors import UsageError
-from operate.cli.faults import moments, verbs
+from operate.cli.faults import chaos, moments, verbs
+from operate.cli.faults.chaos import Cell, Result
 from operate.cli.faults.kinds import KINDS, VERBS
 from operate.cli.fleet import running_fleets
 from operate.cli.output import Format
@@ -33,12 +32,12 @@ def result(cell: Cell = CELL, *, success: bool = True, why: str = "", began: boo
 
 
 @given(st.integers(0, 2**31), st.sampled_from([SYSTEM, WITHOUT]))
-def test_a_seed_is_a_cell_that_can_be_done(seed: int, system: trial.System) -> None:
+def test_a_seed_is_a_cell_that_can_be_done(seed: int, system: chaos.System) -> None:
     """Always the same; its kind's verb takes its words, its moment is one, its amount lies in the kind's span."""
-    cell = trial.choose(system, seed, (), ())
-    assert cell == trial.choose(system, seed, (), ())
+    cell = chaos.choose(system, seed, (), ())
+    assert cell == chaos.choose(system, seed, (), ())
     row = KINDS[cell.kind]
-    assert cell.target in trial.targets_of(system, row)
+    assert cell.target in chaos.targets_of(system, row)
     moments.parse(cell.at, system.design, cell.target)
     if row.amount is not None:
         assert cell.amount is not None
@@ -53,14 +52,14 @@ def test_a_seed_is_a_cell_that_can_be_done(seed: int, system: trial.System) -> N
 @given(st.integers(0, 2**31), st.sets(st.sampled_from(VERBS), min_size=1))
 def test_only_what_was_asked_for_is_done(seed: int, kinds: set[str]) -> None:
     """Kinds and processes."""
-    cell = trial.choose(SYSTEM, seed, tuple(sorted(kinds)), ("pl", "co"))
+    cell = chaos.choose(SYSTEM, seed, tuple(sorted(kinds)), ("pl", "co"))
     assert cell.kind in kinds
     assert cell.target in ("pl", "co")
 
 
 def test_all_kinds_and_phases_come() -> None:
     """Some seed has each."""
-    found = [trial.choose(SYSTEM, seed, (), ()) for seed in range(500)]
+    found = [chaos.choose(SYSTEM, seed, (), ()) for seed in range(500)]
     assert {one.kind for one in found} == {*VERBS}
     assert {one.phase for one in found} == {*SYSTEM.job.phases}
 
@@ -68,7 +67,7 @@ def test_all_kinds_and_phases_come() -> None:
 def test_a_kind_that_can_be_done_to_none_is_told() -> None:
     """The loop has no wire."""
     with pytest.raises(UsageError, match="cut can be done to none of loop"):
-        trial.choose(SYSTEM, 1, ("cut",), ("loop",))
+        chaos.choose(SYSTEM, 1, ("cut",), ("loop",))
 
 
 @pytest.mark.parametrize(
@@ -89,18 +88,18 @@ def test_wrong_use_is_told(words: list[str], why: str) -> None:
 @pytest.mark.parametrize(
     ("one", "held", "colour"),
     [
-        (result(), True, verb.DONE),
-        (result(success=False, why="no way"), True, verb.EXPLAINED),
-        (result(success=False), False, verb.BROKEN),
-        (result(broken=("lost",)), False, verb.BROKEN),
-        (result(stuck=True), False, verb.BROKEN),
-        (result(orphans=("python",)), False, verb.BROKEN),
-        (result(began=False), True, verb.NOTHING),
+        (result(), True, chaos.DONE),
+        (result(success=False, why="no way"), True, chaos.EXPLAINED),
+        (result(success=False), False, chaos.BROKEN),
+        (result(broken=("lost",)), False, chaos.BROKEN),
+        (result(stuck=True), False, chaos.BROKEN),
+        (result(orphans=("python",)), False, chaos.BROKEN),
+        (result(began=False), True, chaos.NOTHING),
     ],
 )
 def test_a_run_holds_where_it_is_done_or_explained_and_nothing_is_broken(one: Result, held: bool, colour: str) -> None:
     """And its seed has the colour of that."""
-    assert (one.held, verb.colour(one)) == (held, colour)
+    assert (one.held, chaos.colour(one)) == (held, colour)
 
 
 @pytest.fixture
@@ -114,8 +113,8 @@ def done(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
         return result(cell, broken=("it broke",) if cell.seed == 2 else ())
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(verb, "done", run)
-    monkeypatch.setattr(verb, "here", lambda: SYSTEM)
+    monkeypatch.setattr(chaos, "done", run)
+    monkeypatch.setattr(chaos, "here", lambda: SYSTEM)
     return seeds
 
 
@@ -126,17 +125,17 @@ def test_what_is_done_is_not_done_again(done: list[int], tmp_path: Path) -> None
     assert (first.exit_code, done) == (1, [1, 2, 3])
     assert "it broke" in first.output
     assert [path.name for path in (tmp_path / "c/runs").iterdir()] == ["seed-2"]
-    file = tmp_path / "c" / verb.RESULTS_FILE
+    file = tmp_path / "c" / chaos.RESULTS_FILE
     file.write_bytes(file.read_bytes()[:-20])
     CliRunner().invoke(app, ["chaos", "--runs", "4", "--out", out, "--resume"])
     assert done == [1, 2, 3, 3, 4]
-    assert [one.cell.seed for one in verb.results_in(tmp_path / "c")] == [1, 2, 3, 4]
+    assert [one.cell.seed for one in chaos.results_in(tmp_path / "c")] == [1, 2, 3, 4]
 
 
 def test_a_budget_begins_no_more_runs(done: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
     """And says how to go on."""
     clock = iter(range(0, 10_000, 100))
-    monkeypatch.setattr(verb.time, "monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr(chaos.time, "monotonic", lambda: float(next(clock)))
     told = CliRunner().invoke(app, ["chaos", "--runs", "9", "--budget", "4", "--seed", "3", "--out", "c"])
     assert done == [3, 4]
     assert "--out" in told.output
@@ -147,7 +146,7 @@ def test_programs_get_a_line_for_each_run(done: list[int]) -> None:
     """With the cell that repeats it."""
     told = CliRunner().invoke(app, ["chaos", "--runs", "2", "--seed", "5", "--out", "c", "--format", Format.JSON])
     found = [msgspec.json.decode(line, type=Result) for line in told.stdout.splitlines()]
-    assert [one.cell for one in found] == [trial.choose(SYSTEM, seed, (), ()) for seed in (5, 6)]
+    assert [one.cell for one in found] == [chaos.choose(SYSTEM, seed, (), ()) for seed in (5, 6)]
 
 
 def test_beside_a_fleet_it_is_refused(done: list[int], monkeypatch: pytest.MonkeyPatch) -> None:

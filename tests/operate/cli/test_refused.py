@@ -5,9 +5,13 @@ import os
 import shutil
 import subprocess
 import sys
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 
 import pytest
+
+from operate.cli.__main__ import main
+from operate.cli.fleet import checkup
 
 pytestmark = pytest.mark.process
 
@@ -61,24 +65,59 @@ def test_a_file_in_place_of_a_folder_is_named(verb: tuple[str, ...], option: str
         assert shown.encode() in done.stderr
 
 
-@pytest.mark.parametrize("words", VERBS, ids=" ".join)
-def test_output_to_a_full_disk_is_told(words: list[str], tmp_path: Path) -> None:
-    """Also where nobody can be told, standard error being there, too, it ends as an error."""
+def called(words: list[str], out: TextIOWrapper, monkeypatch: pytest.MonkeyPatch) -> tuple[object, str]:
+    """Call `roco` in this process with this standard output; its exit code, and its words on standard error."""
+    error = TextIOWrapper(BytesIO())
+    monkeypatch.setattr(sys, "argv", ["roco", *words])
+    monkeypatch.setattr(sys, "stdout", out)
+    monkeypatch.setattr(sys, "stderr", error)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    error.flush()
+    return ended.value.code, error.buffer.getvalue().decode()  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to be in, on a machine of which doctor looks at what is quick."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # which `roco` sets
+    monkeypatch.setattr(checkup, "MACHINE", {"python": checkup.python, "disk": checkup.disk})
+    monkeypatch.setattr("companion.tools.verbs.checkup.CHECKS", checkup.Checks())
+    return tmp_path
+
+
+def test_output_to_a_full_disk_is_told(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each verb ends as an error."""
+    for words in VERBS:
+        with Path("/dev/full").open("wb", buffering=0) as full:
+            code, said = called(words, TextIOWrapper(full), monkeypatch)  # type: ignore[type-var]
+        assert (code, "the disk is full: the output cannot be written" in said) == (1, True), (words, said)
+
+
+def test_output_to_a_full_disk_where_nobody_can_be_told_is_an_error(tmp_path: Path) -> None:
+    """Standard error is there, too; the program itself."""
     with Path("/dev/full").open("wb") as full:
-        done = roco(*words, cwd=tmp_path, out=full.fileno())
-        command = [sys.executable, "-P", "-m", "operate.cli", *words]
+        done = roco("design", "check", cwd=tmp_path, out=full.fileno())
+        command = [sys.executable, "-P", "-m", "operate.cli", "design", "check"]
         mute = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=full, timeout=50, check=False)
     assert (done.returncode, mute.returncode) == (1, 1)
     assert b"the disk is full: the output cannot be written" in done.stderr
 
 
-@pytest.mark.parametrize("words", VERBS, ids=" ".join)
-def test_letters_that_a_terminal_lacks_are_escaped(words: list[str], tmp_path: Path) -> None:
+def test_letters_that_a_terminal_lacks_are_escaped(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The verb does the same as elsewhere."""
-    done = roco(*words, cwd=tmp_path, PYTHONIOENCODING="ascii")
-    assert done.returncode == roco(*words, cwd=tmp_path, PYTHONIOENCODING="utf-8").returncode
-    assert done.stdout.isascii()
-    assert done.stdout
+    for words in VERBS:
+        codes, texts = [], []
+        for encoding in ("ascii", "utf-8"):
+            (place := here / encoding).mkdir(exist_ok=True)
+            monkeypatch.chdir(place)
+            data = BytesIO()
+            codes.append(called(words, TextIOWrapper(data, encoding=encoding), monkeypatch)[0])
+            texts.append(data.getvalue())
+        assert codes[0] == codes[1], words
+        assert texts[0].isascii(), words
+        assert texts[0], words
 
 
 def test_json_for_such_a_terminal_means_the_same(tmp_path: Path) -> None:

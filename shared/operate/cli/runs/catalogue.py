@@ -300,8 +300,7 @@ def _remove(rule: Rule, found: list[Run], within: Path, form: Format) -> None:
     """Remove what a rule means, and tell it. Raise UsageError where nothing is meant, rather than all."""
     if not rule:
         raise UsageError("name runs, or give a rule: --older-than 7d, --keep N, --failed")
-    chosen = [one for one in rule.chosen(found, time.time()) if not one.up]
-    gone = tuple(one for one in chosen if _removed(within / one.name))
+    gone = tuple(one for one in rule.chosen(found, time.time()) if _removed(within / one.name))
     done = Removed(gone, sum(one.bytes for one in gone))
     if form is Format.JSON:
         tell_json(done)
