@@ -211,14 +211,8 @@ def explain(error: Exception, whole: str, letters: dict[str, str] | None = None)
     if isinstance(error, MemoryError):
         return whole, "declares a length that does not fit into memory"
     text, _, path = str(error).partition(" - at `")
-    field = path.removesuffix("`").removeprefix("$").removeprefix(".") or _missing(text) or whole
+    # Missing and unknown fields have no path: msgspec names them in the text.
+    named = text.partition("required field `")[2] or text.partition("unknown field `")[2]
+    field = path.removesuffix("`").removeprefix("$").removeprefix(".") or named.removesuffix("`") or whole
     names = {wire: name for name, wire in (letters or {}).items()}
     return (f"{names[field]} ({field})" if field in names else field), text
-
-
-def _missing(text: str) -> str:
-    """The field named inside msgspec's message: missing and unknown fields have no path."""
-    _, _, rest = text.partition("required field `")
-    if not rest:
-        _, _, rest = text.partition("unknown field `")
-    return rest.removesuffix("`")

@@ -40,7 +40,8 @@ class ClassInterfaceInfo:
         self._named: dict[str, Entry] = {}
         self._by_class: dict[tuple[Performative, type], Entry] = {}
         for performative, name, arguments, answer in entries:
-            entry = Entry(_performative(performative), name, tuple(arguments), _classes(answer))
+            classes = () if answer is None else tuple(get_args(answer) or (answer,))  # of a union, or one
+            entry = Entry(_performative(performative), name, tuple(arguments), classes)
             if self._named.setdefault(name, entry) is not entry:
                 raise LocalProtocolError("interface", f"two entries are named {name!r}")
             if len(entry.arguments) == 1:
@@ -107,8 +108,3 @@ def _performative(word: str) -> Performative:
         return Performative(word)
     except ValueError:
         raise LocalProtocolError("performative", f"{word!r} is not one of the 22 acts of SC00037J") from None
-
-
-def _classes(answer: Any) -> tuple[type, ...]:
-    """The classes of a union, of one class, or of None."""
-    return () if answer is None else tuple(get_args(answer) or (answer,))

@@ -116,7 +116,9 @@ class Server:
         try:
             data, files, _, _ = socket.recv_fds(line, MOST_BYTES, MOST_FILES)
             asked = Asked.decoded(data)
-            if len(files) != len(asked.places) or self._otherwise(asked):
+            # An interpreter of its own would be another than this one: by its sources, or how it starts.
+            other = self._sources.changed() or at_the_start(asked.environment) != self._start
+            if len(files) != len(asked.places) or other:
                 raise OSError("nothing is made")
             pid = os.fork()
         except (OSError, ValueError, RecursionError, msgspec.ValidationError):
@@ -131,10 +133,6 @@ class Server:
         for file in files:
             os.close(file)
         return None
-
-    def _otherwise(self, asked: Asked) -> bool:
-        """Whether an interpreter of its own would be another than this one: by its sources or how it starts."""
-        return self._sources.changed() or at_the_start(asked.environment) != self._start
 
     def _leave(self, line: socket.socket) -> None:
         """Close in the new process what is the server's."""

@@ -282,7 +282,7 @@ def holding(
             rules = links_file(seat.folder, seat.identity).read_bytes()
             same = same and rules == msgspec.json.encode(links[seat.name])
         (issuer,) = map(x509.load_pem_x509_certificate, authorities)
-        signed = all(_signed(one, issuer) and _common_name(one) == seat.name for seat, one in found)
+        signed = all(_signed(one, issuer, seat.name) for seat, one in found)
         identified = all(_identified(one) for one in (issuer, *(certificate for _, certificate in found)))
         listening = (one for seat, one in found if seat.identity == ROUTER or seat.name in links)
         listens = all(_listens(one, hosts) for one in listening)
@@ -303,16 +303,12 @@ def _certificate(file: Path) -> x509.Certificate:
     return x509.load_pem_x509_certificate(file.read_bytes())
 
 
-def _common_name(certificate: x509.Certificate) -> object:
-    return certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value
-
-
-def _signed(certificate: x509.Certificate, issuer: x509.Certificate) -> bool:
+def _signed(certificate: x509.Certificate, issuer: x509.Certificate, name: str) -> bool:
     try:
         certificate.verify_directly_issued_by(issuer)
     except Exception:  # cryptography raises InvalidSignature, ValueError or TypeError: it is not of this authority
         return False
-    return True
+    return bool(certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == name)
 
 
 def _identified(certificate: x509.Certificate) -> bool:

@@ -11,6 +11,7 @@ import itertools
 import random
 from collections.abc import Callable
 from enum import StrEnum
+from functools import partial
 from queue import Empty
 from typing import Any
 
@@ -318,7 +319,9 @@ class MemoryBus:
 
     def _emit(self, agent: str, effects: Effects, *, receipts_only: bool) -> None:
         for receipt in effects.receipts:
-            self._carry_receipt(agent, receipt)
+            if receipt.peer in self.nodes:
+                arrive = partial(self._happen, receipt.peer, receipted(agent, receipt, *self._journals(agent, receipt)))
+                self._through(arrive)
         for communicate in () if receipts_only else effects.sends:
             self.traffic.append(communicate)
             state = self.nodes[agent].state
@@ -343,11 +346,6 @@ class MemoryBus:
         receiver = communicate.receiver
         if receiver in self.nodes:
             self._through(lambda: self._happen(receiver, Arrived(decode(data), journal, believed, after, heard)))
-
-    def _carry_receipt(self, agent: str, receipt: Receipt) -> None:
-        event = receipted(agent, receipt, *self._journals(agent, receipt))
-        if receipt.peer in self.nodes:
-            self._through(lambda: self._happen(receipt.peer, event))
 
     def _through(self, arrive: Callable[[], None]) -> None:
         for _ in range(2 if self._happens(self.faults.duplication) else 1):

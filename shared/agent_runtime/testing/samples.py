@@ -1,6 +1,5 @@
 """A plain content of any class of a language, made from the types of its fields: what tests say when any will do."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import msgspec
@@ -68,17 +67,11 @@ def _value(info: inspect.Type) -> Any:
         case inspect.Metadata(type=inner):
             return _value(inner)
         case inspect.UnionType(types=types):
-            return _first(types)
+            return None if any(isinstance(one, inspect.NoneType) for one in types) else _value(types[0])
     for plain, value in _PLAIN:
         if isinstance(info, plain):
             return _within(info, value)
     raise NoSample(type(info).__name__, "it has no plain value")
-
-
-def _first(types: Iterable[inspect.Type]) -> Any:
-    """None where that is allowed, else the first that has a value."""
-    kinds = tuple(types)
-    return None if any(isinstance(one, inspect.NoneType) for one in kinds) else _value(kinds[0])
 
 
 def _within(info: inspect.Type, value: Any) -> Any:

@@ -241,7 +241,7 @@ def from_acl(
             conversation=_entered(LABEL, message.conversation_id),
             sender=_name(message.sender, ours) if message.sender else "",
             receiver=_receiver([_name(aid, ours) for aid in message.receiver], receiver),
-            id=_id(user),
+            id=own if is_label(own := user.get(ID.lower(), "")) else "",
             sent=_seconds(user, SENT, 0.0),
         )
         data = msgspec.msgpack.encode(communicate)
@@ -361,11 +361,6 @@ def _seconds(user: Mapping[str, str], name: str, otherwise: float) -> float:
 
 
 # --- words, labels, names ---------------------------------------------------------------------------------------------
-
-
-def _id(user: Mapping[str, str]) -> str:
-    found = user.get(ID.lower(), "")
-    return found if is_label(found) else ""
 
 
 def _entered(escape: Escape, text: str | None) -> str:
