@@ -101,6 +101,27 @@ def test_a_copy_of_the_opening_does_not_open_it_again() -> None:
     assert not one.state.soft.conversations
 
 
+def test_it_is_receipted_at_once() -> None:
+    """By a subscriber that asks no more."""
+    one = Driven(knower(), wiring("knower"))
+    one.step(PeerChanged("watcher", 1))
+    (opening,) = one.sends()
+    labels = {"talk": opening.conversation, "in_reply_to": opening.reply_with}
+    assert one.hears("watcher", "subscribe", P.AGREE, **labels).receipts == ()
+    effects = one.hears("watcher", "subscribe", P.FAILURE, id="last", **labels)
+    assert [receipt.subject for receipt in effects.receipts] == ["last"]
+
+
+def test_a_subscription_of_the_present_life_is_newer_than_all_others() -> None:
+    """A subscriber whose journal was lost counts its lives from 1 again."""
+    one = subscribed()
+    one.step(PeerChanged("knower", 5))
+    one.hears("knower", "subscribe", P.SUBSCRIBE, Topic(), talk="knower-5-9")
+    one.step(PeerChanged("knower", 2))
+    one.hears("knower", "subscribe", P.SUBSCRIBE, Topic(), talk="knower-2-1")
+    assert [said.performative for said in one.sends()] == [P.AGREE]
+
+
 def test_they_are_bounded() -> None:
     """A subscriber that never receipts fills no memory, and the re-sending gets slow."""
     one = subscribed()
