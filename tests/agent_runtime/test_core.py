@@ -219,6 +219,17 @@ def test_out_of_sequence_breaks_the_conversation() -> None:
     assert not one.state.conversations
 
 
+def test_what_cannot_be_read_breaks_a_volatile_conversation_too() -> None:
+    """It is answered not-understood, and nothing is left of the conversation."""
+    one = Driven(recording(said=agree), wirings(Delivery.VOLATILE)[1])
+    one.step(request(1))
+    assert one.state.soft.conversations
+    one.step(request(2, performative=P.CANCEL, content=Raw(b"\xc1")))
+    assert one.sends()[-1].performative is P.NOT_UNDERSTOOD
+    assert one.state.memory.seen == ("Received", "Broken")
+    assert not one.state.soft.conversations
+
+
 def test_a_late_cancel_is_answered_by_the_core() -> None:
     """A cancel for a conversation that ended or never was gets its failure; the behaviour does not see it."""
     one = Driven(recording(said=stop), TO_ASKER)
