@@ -72,21 +72,27 @@ def again(core):
     return other
 
 
-@pytest.mark.parametrize(("path", "value"), [(path, value) for path, values in INJECTED.items() for value in values])
-def test_no_value_lets_a_hand_sink(carrying, path, value):
+@pytest.mark.timeout(300)
+def test_no_value_lets_a_hand_sink(carrying, some):
     """Whatever it is: the arms stay up, a person's stop holds, a release is granted, a new motion is done."""
-    core = again(carrying)
+    for path, value in some([(path, value) for path, values in INJECTED.items() for value in values], 13):
+        print(path, value)
+        stays_up(again(carrying), path, value)
+
+
+def stays_up(core, path, value):
+    """Of a loop that carries the jar."""
     before = grips(core)
     _set(path, value)(core)
     core.hold(0.2)
     assert core.faults >= (0 if _harmless(path, value) else 1)
     assert core.faults < 20
     core.stop()
-    core.hold(0.8)
+    core.hold(0.4)
     assert core.mode is Mode.STOPPED
     assert np.abs(grips(core) - before).max() < SUNK_M
     core.release()
-    core.hold(1.1)
+    core.hold(0.7)
     assert core.mode is Mode.MOTION
     faults = core.faults
     asked = motion("on", raised(core.setpoint, 1, 0.02), head=HeadGoal(0.1, 0.1), right=Move((0.1, 0.1, 0.1)))
@@ -150,9 +156,15 @@ class Fast(MockBackend):
             self.left -= 1
 
 
-@pytest.mark.parametrize("joint", range(15))
-def test_a_joint_that_is_too_fast_is_damped(joint):
+def test_a_joint_that_is_too_fast_is_damped(some):
     """By its own limit, after some cycles in a row; with fewer it is noise. A stop that held before holds after it."""
+    for joint in some(range(15), 5):
+        print(joint)
+        is_damped(joint)
+
+
+def is_damped(joint):
+    """One joint."""
     core = LoopCore(Fast(joint, -1.01 * TOO_FAST[joint], FAST_CYCLES - 1), dynamics=DYNAMICS)
     core.hold(0.1)
     assert core.faults == 0

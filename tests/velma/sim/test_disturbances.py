@@ -68,18 +68,18 @@ SPOILED: dict[Disturbance, set[str]] = {
 }
 
 
-@pytest.mark.parametrize("fault", SPOILED, ids=lambda fault: fault.id)
-def test_only_the_asked_reading_is_spoiled_and_heals(robot, fault):
+def test_only_the_asked_reading_is_spoiled_and_heals(robot):
     """The true state does not change, and after its end the readings are again as they were."""
     robot.data.qpos[robot._proximal] = 0.3  # open hands read zero
     before, world = readings(robot.observe()), robot.data.qpos.copy()
-    assert not robot.disturb((fault,)), "nothing in the world changed"
-    spoiled = readings(robot.observe())
-    assert {name for name in before if not np.array_equal(before[name], spoiled[name])} == SPOILED[fault]
-    assert np.array_equal(robot.data.qpos, world)
-    robot.disturb(())
-    healed = readings(robot.observe())
-    assert all(np.array_equal(before[name], healed[name]) for name in before)
+    for fault, ill in SPOILED.items():
+        assert not robot.disturb((fault,)), "nothing in the world changed"
+        spoiled = readings(robot.observe())
+        assert {name for name in before if not np.array_equal(before[name], spoiled[name])} == ill, fault
+        assert np.array_equal(robot.data.qpos, world), fault
+        robot.disturb(())
+        healed = readings(robot.observe())
+        assert all(np.array_equal(before[name], healed[name]) for name in before), fault
     robot.data.qpos[robot._proximal] = 0.0
 
 
@@ -371,21 +371,21 @@ def test_a_backend_takes_what_stands_in_the_file(tmp_path, monkeypatch):
     assert not robot.disturbed(), "once"
 
 
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        (one(Of.WRIST, Kind.ZERO), ""),
-        (one(Of.WRIST, Kind.BLACK), "wrist cannot be black; it can be zero, stuck, nan, bias"),
-        (one(Of.WRIST, Kind.ZERO, "up"), "no wrist at 'up'; there are right, left"),
-        (one(Of.ENCODER, Kind.BIAS), "no encoder at ''; there are torso_0_joint"),
-        (one(Of.CAMERA, Kind.BLACK, "left"), "no camera at 'left'; camera has no parts, name none"),
-        (one(Of.ENCODER, Kind.BIAS, ELBOW, 50.0), "encoder bias by 50; at most 3 (rad)"),
-        (one(Of.WRIST, Kind.BIAS, "", np.nan), "wrist bias by nan; at most 100 (N on each axis)"),
-        (one(Of.GRIP, Kind.ZERO, "left", 1.0), "grip zero has no size"),
-        (one(Of.THING, Kind.PUSHED, "jar_1", 0.1), "thing pushed by 1 numbers; it takes 3 (m)"),
-    ],
+WRONG = (
+    (one(Of.WRIST, Kind.ZERO), ""),
+    (one(Of.WRIST, Kind.BLACK), "wrist cannot be black; it can be zero, stuck, nan, bias"),
+    (one(Of.WRIST, Kind.ZERO, "up"), "no wrist at 'up'; there are right, left"),
+    (one(Of.ENCODER, Kind.BIAS), "no encoder at ''; there are torso_0_joint"),
+    (one(Of.CAMERA, Kind.BLACK, "left"), "no camera at 'left'; camera has no parts, name none"),
+    (one(Of.ENCODER, Kind.BIAS, ELBOW, 50.0), "encoder bias by 50; at most 3 (rad)"),
+    (one(Of.WRIST, Kind.BIAS, "", np.nan), "wrist bias by nan; at most 100 (N on each axis)"),
+    (one(Of.GRIP, Kind.ZERO, "left", 1.0), "grip zero has no size"),
+    (one(Of.THING, Kind.PUSHED, "jar_1", 0.1), "thing pushed by 1 numbers; it takes 3 (m)"),
 )
-def test_what_is_wrong_with_a_disturbance_is_told(fault, words):
-    found = disturbances.wrong(fault)
-    assert found.startswith(words)
-    assert bool(found) == bool(words)
+
+
+def test_what_is_wrong_with_a_disturbance_is_told():
+    for fault, words in WRONG:
+        found = disturbances.wrong(fault)
+        assert found.startswith(words), fault
+        assert bool(found) == bool(words), fault
