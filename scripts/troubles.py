@@ -4,6 +4,7 @@ docs/errors.md says of each of them the cause and what to do (scripts/errors.tom
 """
 
 import ast
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -44,6 +45,17 @@ def _parsed(root: Path, rooms: tuple[str, ...]) -> tuple[tuple[str, ast.Module],
     return tuple((str(path.relative_to(root)), ast.parse(path.read_text(encoding="utf-8"))) for path in paths)
 
 
+def calls() -> Iterator[tuple[str, ast.Call]]:
+    """Every call in them."""
+    return ((path, call) for path, found in _calls(ROOT, ROOMS) for call in found)
+
+
+@cache  # walking through all of the code takes seconds
+def _calls(root: Path, rooms: tuple[str, ...]) -> tuple[tuple[str, tuple[ast.Call, ...]], ...]:
+    every = ((path, tuple(ast.walk(tree))) for path, tree in _parsed(root, rooms))
+    return tuple((path, tuple(one for one in nodes if isinstance(one, ast.Call))) for path, nodes in every)
+
+
 def exceptions() -> dict[str, Declared]:
     """Every class that is an exception, by its name; two of one name are kept apart by their module."""
     classes = [(path, node) for path, tree in sources() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
@@ -63,12 +75,11 @@ def raised() -> dict[str, list[str]]:
     form.
     """
     found: dict[str, list[str]] = {}
-    for _, tree in sources():
-        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
-            name = _called(call)
-            words = " ".join(filter(lambda each: each.strip("…/ "), map(_words, call.args)))
-            if words and words not in found.setdefault(name, []):
-                found[name].append(words)
+    for _, call in calls():
+        name = _called(call)
+        words = " ".join(filter(lambda each: each.strip("…/ "), map(_words, call.args)))
+        if words and words not in found.setdefault(name, []):
+            found[name].append(words)
     return found
 
 
@@ -152,17 +163,16 @@ def _loud(call: ast.Call, tree: ast.AST) -> bool:
 def rejected() -> dict[str, Declared]:
     """Return the messages that the runtime drops, counts and reports (`reject` of the intake)."""
     found = {}
-    for path, tree in sources():
-        for call in ast.walk(tree):
-            if (
-                isinstance(call, ast.Call)
-                and isinstance(call.func, ast.Name)
-                and call.func.id == "reject"
-                and len(call.args) > 3
-            ):
-                what = call.args[3]
-                words = what.value if isinstance(what, ast.Constant) else DROPS[ast.unparse(what)]
-                found[words] = Declared(words, path, _words(call.args[4]))
+    for path, call in calls():
+        if (
+            isinstance(call, ast.Call)
+            and isinstance(call.func, ast.Name)
+            and call.func.id == "reject"
+            and len(call.args) > 3
+        ):
+            what = call.args[3]
+            words = what.value if isinstance(what, ast.Constant) else DROPS[ast.unparse(what)]
+            found[words] = Declared(words, path, _words(call.args[4]))
     return found
 
 

@@ -12,6 +12,7 @@ import troubles
 SCRIPT = runpy.run_path(str(shown.ROOT / "scripts/errors"))
 
 
+@pytest.mark.timeout(180)  # all of the code is read
 def test_every_error_has_its_row_and_every_row_its_error() -> None:
     """Exceptions, loud events of the logs, drops, kinds of acts, exit codes, verdicts, states; `scripts/errors`."""
     assert SCRIPT["differences"]() == []
