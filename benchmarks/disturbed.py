@@ -47,7 +47,7 @@ from services.executor.simulation import InProcess
 from services.task.outgoing_messages import SURVEY
 from velma.model.contacts import Kind as Meets
 from velma.model.kinds import Model
-from velma.model.scene import CANONICAL, Scene, Thing, load, vary
+from velma.model.scene import CANONICAL, Scene, SceneObject, load, vary
 from velma.model.scene_xml import scene_xml
 from velma.names import COLUMNS, SIDES
 from velma.sim import disturbances
@@ -60,7 +60,10 @@ PAGE = Path(__file__).parents[1] / "docs/scenes.md"
 BEGIN, END = "<!-- disturbed: python benchmarks/disturbed.py --table -->\n", "<!-- /disturbed -->\n"
 RUN = tables.commit()
 JAR, BOWL, JAR_2, BOX, TABLE, CABINET = "jar_1", "bowl_1", "jar_2", "box_9", "table_1", "cabinet_2"
-SPARE = {JAR_2: Thing(JAR_2, Model.JAR, (-2.0, 1.0, 0.101)), BOX: Thing(BOX, Model.BOX1, (-2.0, 0.5, 0.056))}
+SPARE = {
+    JAR_2: SceneObject(JAR_2, Model.JAR, (-2.0, 1.0, 0.101)),
+    BOX: SceneObject(BOX, Model.BOX1, (-2.0, 0.5, 0.056)),
+}
 PUSH_M = 0.05  # as far as a passing arm pushes (estimate)
 SETTLE_S = 1.2  # until what was disturbed before an act rests
 LIMIT_S = 600.0  # simulated; estimate: a pour takes 70, with three plans 150

@@ -28,7 +28,7 @@ from velma.eyes.lens import lens
 from velma.eyes.seeing import eyes_of
 from velma.kinematics.robot import Robot
 from velma.model.kinds import TABLES, objects
-from velma.model.scene import CANONICAL, Scene, Thing, load, vary
+from velma.model.scene import CANONICAL, Scene, SceneObject, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.photographs import Photographs
 
@@ -74,7 +74,7 @@ def measured(scene: Scene, seed: int) -> dict[str, Any]:
     return {"cpu_ms": round(1e3 * cpu / len(scene.things), 1), "sights": lines}
 
 
-def _middle(thing: Thing) -> np.ndarray:
+def _middle(thing: SceneObject) -> np.ndarray:
     """Where one looks for a thing, from its origin: a table's is on the floor."""
     return np.array(objects()[thing.model]["parts"]["top"]["xyz"] if thing.model in TABLES else (0.0, 0.0, 0.0))
 

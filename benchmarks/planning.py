@@ -40,7 +40,7 @@ class Planning:
 
     def _look_around(self) -> None:
         scene = vary(load(), self.seed)
-        backend, eye, models = MujocoBackend(scene), simulation.receptor(scene), simulation.things(scene)
+        backend, eye, models = MujocoBackend(scene), simulation.receptor(scene), simulation.model_names(scene)
         qpos = backend.configuration().copy()
         for point in SURVEY.at:
             goal = aim(0.0, point)

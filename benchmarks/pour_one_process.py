@@ -35,7 +35,7 @@ from companion.tasks.pour.done import Pour, PourKind
 from companion.tasks.put_down.command import PutDown
 from companion.tasks.swap_hands.command import SwapHands
 from services.executor.loop.core import LoopCore
-from services.executor.simulation import InProcess, markers, receptor, things
+from services.executor.simulation import InProcess, markers, model_names, receptor
 from services.knowledge.answers import ask
 from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
@@ -73,7 +73,7 @@ class Run:
         self.backend = backend or MujocoBackend(scene)
         self.truth = TruthReader(self.backend)
         self.body = InProcess(LoopCore(self.backend), receptor(scene, eyes))
-        self.here: Situation = beginning(Robot(), things(scene), markers(scene))
+        self.here: Situation = beginning(Robot(), model_names(scene), markers(scene))
         self.store, self.overlays, self.version = Store.open(None), Overlays(), 0
         self.evidence: tuple[Evidence, ...] = ()
         self.plans: list[dict[str, float]] = []

@@ -26,7 +26,7 @@ class See(msgspec.Struct, frozen=True, tag=True):
     position: tuple[float, ...]
 
 
-class Thing(msgspec.Struct, frozen=True):
+class SightedObject(msgspec.Struct, frozen=True):
     """A thing that was seen: rotation (9 numbers, row by row) and position in the world [m].
 
     `content`: mass of what is seen in it [kg]; None for a thing that cannot be looked into from there. `whole`: of all
@@ -48,7 +48,7 @@ class Saw(msgspec.Struct, frozen=True, tag=True):
     """
 
     number: int
-    things: tuple[Thing, ...]
+    things: tuple[SightedObject, ...]
     wrong: str = ""
     off: float = 0.0
 

@@ -21,7 +21,7 @@ from agent_runtime.io.one_reader import OneReaderQueue
 from companion.languages.facts import Facts, Kind, fact
 from companion.skills.loop_messages import FAULT, Cancel, LookAgain, Mode, Phase, Release
 from services.executor.local import Brake, Do, Felt, GoOn, Halt, Lost, Moved, Passing, Stands, ToLoop, Where
-from services.executor.loop.link import AgentLink, LoopCommand, LoopState, Told, reopened
+from services.executor.loop.link import AgentLink, LoopAnswer, LoopCommand, LoopState, reopened
 from velma.errors import SlotError
 from velma.names import SIDES
 
@@ -162,7 +162,7 @@ class LoopDevice:
         self._until(link, lambda told: told.taken >= number)
         return number
 
-    def _until(self, link: AgentLink, reached: Callable[[Told], bool]) -> None:
+    def _until(self, link: AgentLink, reached: Callable[[LoopAnswer], bool]) -> None:
         for _ in _looks(TAKEN_WITHIN_S):
             if reached(link.told()):
                 return
@@ -195,7 +195,7 @@ def _looks(within_s: float, pause_s: float = LOOK_S) -> Iterator[None]:
         time.sleep(pause_s)
 
 
-def _felt(state: LoopState, told: Told, ended: Phase, why: Facts = (), text: str = "") -> Felt:
+def _felt(state: LoopState, told: LoopAnswer, ended: Phase, why: Facts = (), text: str = "") -> Felt:
     report = told.report
     return Felt(
         q=state.setpoint.tobytes(),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from agent_runtime.io.worker import Link
 from companion.telemetry import Found, Picture
-from services.executor.looks import SHRINK, Saw, See, Show, Thing, uncertainty
+from services.executor.looks import SHRINK, Saw, See, Show, SightedObject, uncertainty
 from velma.eyes import health
 from velma.eyes.content import Content
 from velma.eyes.fit import View
@@ -63,7 +63,7 @@ class Renderer:
         self._first_looks()
         room = self._camera.room(world)
         self._first_looks()
-        found = told(self._eyes, self._eyes.markers(taken))
+        found = scaled(self._eyes, self._eyes.markers(taken))
         self._first_looks()
         self._link.send(Picture(show.sim_time_s, jpeg(smaller(clean, SHRINK)), jpeg(room), found))
 
@@ -98,16 +98,16 @@ class Sighted:
         )
         if told.wrong or told.off > health.MOST_OFF:
             return Saw(number, (), told.wrong, told.off)
-        return Saw(number, tuple(_thing(one, self._eyes.content(one, pixels, view)) for one in bodies), off=told.off)
+        return Saw(number, tuple(_sighted(one, self._eyes.content(one, pixels, view)) for one in bodies), off=told.off)
 
 
-def _thing(seen: Seen, content: Content | None) -> Thing:
+def _sighted(seen: Seen, content: Content | None) -> SightedObject:
     rotation, position = tuple(seen.rotation.ravel().tolist()), tuple(seen.position.tolist())
     mass, whole = content or (None, True)
-    return Thing(seen.name, rotation, position, mass, whole, uncertainty(seen.covariance))
+    return SightedObject(seen.name, rotation, position, mass, whole, uncertainty(seen.covariance))
 
 
-def told(eyes: Eyes, markers: Mapping[int, Array]) -> tuple[Found, ...]:
+def scaled(eyes: Eyes, markers: Mapping[int, Array]) -> tuple[Found, ...]:
     """Return markers with corners (4, 2) in the robot's picture, for the smaller one of people."""
     return tuple(
         Found(eyes.owner(number), number, tuple(((corners.ravel() + 0.5) / SHRINK).round(2).tolist()))

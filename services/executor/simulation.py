@@ -25,7 +25,7 @@ from velma.names import TORSO
 from velma.sim.mujoco_backend import compiled
 
 
-def things(scene: Scene) -> dict[str, str]:
+def model_names(scene: Scene) -> dict[str, str]:
     """Return the model name, as km has it, by id of everything with a marker."""
     return {thing.id: KNOWN_AS.get(thing.model, thing.model) for thing in scene.things}
 

@@ -51,7 +51,7 @@ class Stage:
         """`tell` takes the word that its eyes are others now; `ask` waits for a look by pixels."""
         self._scene, self._tell = scene_of(setup), tell
         self.robot = Robot()
-        self.things, self.markers = simulation.things(self._scene), simulation.markers(self._scene)
+        self.things, self.markers = simulation.model_names(self._scene), simulation.markers(self._scene)
         by_pixels = setup.eyes is Eyes.PIXELS
         self.eye: Eye = PixelReceptor(ask, self.robot) if by_pixels else simulation.receptor(self._scene)
 
@@ -139,14 +139,14 @@ def remembered(here: Situation, epoch: str) -> Remembered:
 
 def serve(link: Link) -> None:
     """Run one act after the other until the agent is gone."""
-    words = Words(link)
+    words = AgentMessages(link)
     stage = Stage(link.recv(Setup), link.send, words.looked)
     word = words.next()
     while True:
         word = _act(link, words, stage, word) if isinstance(word, Perform) else words.next()
 
 
-class Words:
+class AgentMessages:
     """What the agent says, one word after the other; a look is answered before what was said meanwhile."""
 
     def __init__(self, link: Link) -> None:
@@ -165,7 +165,7 @@ class Words:
         return word
 
 
-def _act(link: Link, words: Words, stage: Stage, word: Perform) -> ToSkill:
+def _act(link: Link, words: AgentMessages, stage: Stage, word: Perform) -> ToSkill:
     """Run one skill; return the first message that does not belong to it."""
     here = stage.situation(word.remembered, word.felt)
     work = perform(here, word.command)

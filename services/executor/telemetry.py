@@ -19,7 +19,7 @@ from companion.skills.loop_messages import Phase
 from companion.telemetry import PICTURE_S, RATE_HZ, Lateness, Picture, RobotState
 from services.executor.local import Array, Setup, scene_of
 from services.executor.looks import Show
-from services.executor.loop.link import AgentLink, LoopState, Timing, Told, reopened
+from services.executor.loop.link import AgentLink, LoopAnswer, LoopState, Timing, reopened
 from services.executor.renderer import Renderer
 from velma.errors import SlotError
 
@@ -153,12 +153,12 @@ class Telemetry:
             self._post.publish("truth", truth)
 
 
-def seen(state: LoopState, told: Told, skill: str) -> tuple[object, ...]:
+def seen(state: LoopState, told: LoopAnswer, skill: str) -> tuple[object, ...]:
     """Return what a viewer would see change: all but the time, the count of cycles and their timing."""
     return state.body, state.hands, state.world, state.mode, state.faults, told, skill
 
 
-def robot_state(state: LoopState, told: Told, timing: Timing, skill: str) -> RobotState:
+def robot_state(state: LoopState, told: LoopAnswer, timing: Timing, skill: str) -> RobotState:
     """Return the state of the loop as telemetry."""
     acting = told.report.phase is Phase.RUNNING
     (right, right_distal), (left, left_distal) = state.fingers(0), state.fingers(1)

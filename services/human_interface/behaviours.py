@@ -23,7 +23,7 @@ from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
 from services.human_interface import local, offers
 from services.human_interface.catalogue import LANGUAGES, can, say
-from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
+from services.human_interface.local import Answer, CancelWanted, Halted, NewEvent, Sentence, Shown, StopRobot
 from services.human_interface.memory import CONDITIONS, FINAL, Memory, News
 from services.human_interface.wishes import Act, Ask, Tell, in_words, outcome, with_mentioned, without
 
@@ -40,7 +40,7 @@ NO_CO = "there is no coordinator yet; try again in a moment, and see `roco statu
 def listen(memory: Memory, turn: Turn) -> Memory:
     """State listening: note what a person says, and news of co."""
     match turn.event:
-        case Local(content=Said() | CancelWanted() | Halted() as word):
+        case Local(content=Sentence() | CancelWanted() | Halted() as word):
             return replace(memory, words=(*memory.words, word))
         case Received() as received:
             turn.unwake(received.conversation)
@@ -127,10 +127,10 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
         turn.tell(_shown(memory))
         turn.tell(Answer(word.ticket, line))
         return memory
-    return _said(memory, turn, word)
+    return _handle_sentence(memory, turn, word)
 
 
-def _said(memory: Memory, turn: Turn, word: Said) -> Memory:
+def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
     """Do what a sentence means to who says it."""
     context = replace(memory.context, options=memory.options(word.asker, word.at))
     found = _timed(outcome(word.meaning, context), word, turn.now)
@@ -143,7 +143,7 @@ def _said(memory: Memory, turn: Turn, word: Said) -> Memory:
         case Ask(text=text):
             turn.tell(_shown(memory))  # first: who reads the answer may reply at once
             offered = offers.replies(options, word.meaning.language)
-            memory = _told(memory, turn, word, QUESTION if options else REFUSED, text, offered)
+            memory = _no_task(memory, turn, word, QUESTION if options else REFUSED, text, offered)
             if context.options and not options:  # a no
                 memory = memory.hearing(word, TaskLine("", REFUSED, text, word.text, word.at))
             return memory
@@ -163,14 +163,14 @@ def _said(memory: Memory, turn: Turn, word: Said) -> Memory:
             return memory
         case Tell(does="release"):
             row = "asks" if any(line.asks for line in memory.open_tasks) and not word.held else "released"
-            return _told(memory, turn, word, REFUSED, say(word.meaning.language, row))
+            return _no_task(memory, turn, word, REFUSED, say(word.meaning.language, row))
         case Tell(does=does):
             text = ANSWERS[does](memory, word.meaning.language)
             turn.tell(Answer(word.ticket, TaskLine("", ANSWERED, text, word.text, turn.now)))
             return memory
 
 
-def _timed(found: Act | Ask | Tell, word: Said, now: float) -> Act | Ask | Tell:
+def _timed(found: Act | Ask | Tell, word: Sentence, now: float) -> Act | Ask | Tell:
     """Return what is done with a sentence, its tasks as urgent as was said, those of a question's answers, too."""
     if isinstance(found, Act):
         return Act(tuple(_wanted(task, word, now) for task in found.tasks))
@@ -180,7 +180,7 @@ def _timed(found: Act | Ask | Tell, word: Said, now: float) -> Act | Ask | Tell:
     return found
 
 
-def _wanted(task: cmd.Command, word: Said, now: float) -> cmd.Command:
+def _wanted(task: cmd.Command, word: Sentence, now: float) -> cmd.Command:
     """The task with urgency, deadline and time to begin of what was said, where something was said of them."""
     if word.urgency:
         task = replace(task, urgency=word.urgency)
@@ -189,16 +189,18 @@ def _wanted(task: cmd.Command, word: Said, now: float) -> cmd.Command:
     return replace(task, deadline=now + word.within_s) if word.within_s else task
 
 
-def _told(memory: Memory, turn: Turn, word: Said, state: str, text: str, replies: tuple[str, ...] = ()) -> Memory:
+def _no_task(
+    memory: Memory, turn: Turn, word: Sentence, state: str, text: str, replies: tuple[str, ...] = ()
+) -> Memory:
     """Answer that no task came of the sentence, and why; `replies`: sentences that answer the question back."""
     turn.tell(Answer(word.ticket, TaskLine("", state, text, word.text, turn.now, replies=replies)))
     return memory.with_news(News(AgentName.HI, state, text))
 
 
-def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Command, ...]) -> Memory:
+def _ask(memory: Memory, turn: Turn, word: Sentence, tasks: tuple[cmd.Command, ...]) -> Memory:
     """Request new tasks, unless the robot is stopped or co is not there."""
     if word.held:
-        return _told(memory, turn, word, REFUSED, STAYS_HELD)
+        return _no_task(memory, turn, word, REFUSED, STAYS_HELD)
     if AgentName.CO not in turn.peers:
         turn.tell(Answer(word.ticket, problem=NO_CO, status=503))
         return memory
@@ -217,7 +219,7 @@ def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Command, ...])
     return memory.hearing(word, replace(line, text=say(word.meaning.language, "again", text)))
 
 
-def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Command) -> tuple[Memory, str]:
+def _request(memory: Memory, turn: Turn, word: Sentence, task: cmd.Command) -> tuple[Memory, str]:
     """Request a task. Return the memory and the name of the task."""
     name = turn.open(AgentName.CO, "request", P.REQUEST, task)  # the conversation is the name of the task
     turn.wake(name, turn.now + ANSWER_WITHIN_S)
@@ -233,7 +235,7 @@ def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Command) -> tuple
     return memory.with_news(News(AgentName.HI, "asked", text, name)), name
 
 
-def _i_will(tasks: tuple[cmd.Command, ...], word: Said, now: float) -> str:
+def _i_will(tasks: tuple[cmd.Command, ...], word: Sentence, now: float) -> str:
     """Return a sentence that says what will be done, in which order, from when on and until when."""
     language = word.meaning.language
     text = in_words(tasks, language)
@@ -258,7 +260,7 @@ def _span(now: float, then: float, east_min: int | None) -> str:
     return f"{text} ({hour}:{minute:02})"
 
 
-def _cancel_all(memory: Memory, turn: Turn, word: Said) -> Memory:
+def _cancel_all(memory: Memory, turn: Turn, word: Sentence) -> Memory:
     """Cancel every task that has not ended; the answer is the oldest of them."""
     lines = memory.open_tasks
     for line in lines:
@@ -317,7 +319,7 @@ def tell(memory: Memory, turn: Turn) -> Memory:
         if line is not None and news.report is not None:
             memory = memory.with_task(_reported(line, news.report, news.text, turn.now))
         memory = replace(memory, told=memory.told + 1)
-        turn.tell(Told(HiEvent(memory.told, turn.now, news.agent, news.name, news.text, news.task)))
+        turn.tell(NewEvent(HiEvent(memory.told, turn.now, news.agent, news.name, news.text, news.task)))
     turn.tell(_shown(memory))
     return replace(memory, news=())
 

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from companion.letters import fold
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, WISHES, phrases
-from services.human_interface.local import Clause, Meaning, Thing, When
+from services.human_interface.local import Clause, Meaning, NamedObject, When
 
 # --- Times, as people say them: "first", "within ten minutes", "before noon", "in ten minutes" -----------------------
 # Such words are taken out of a sentence before the grammar reads the rest; words about time that are not understood
@@ -238,7 +238,7 @@ def _text(language: str) -> str:
     return "\n".join((f"start: all_{language}", *rules, f"%declare WORD NUMBER COMMA TASK {' '.join(words)}"))
 
 
-class _Words(Lexer):
+class _WordLexer(Lexer):
     """The words of a list as terminals: each word of the catalogue has its own."""
 
     def __init__(self, conf: Any) -> None:
@@ -279,7 +279,7 @@ def _parser(language: str) -> Lark:
 
 @cache
 def _made(language: str) -> Lark:
-    return Lark(_TEXTS[language], parser="earley", lexer=_Words, maybe_placeholders=False)
+    return Lark(_TEXTS[language], parser="earley", lexer=_WordLexer, maybe_placeholders=False)
 
 
 def prepare() -> None:
@@ -393,7 +393,7 @@ def _clause(tree: Tree[Token]) -> Clause:
         if isinstance(part, Token):
             task = str(part) if part.type == "TASK" else task
         elif part.data.startswith("thing_"):
-            things.append(_thing(part))
+            things.append(_named_object(part))
         elif part.data.startswith("side_"):
             side = str(part.children[0].data).partition("_")[0]
     return Clause(row.does, tuple(things), side, task, lacks=wish.data.startswith("lack_"))
@@ -408,19 +408,19 @@ def _parts(tree: Any) -> Iterator[Any]:
             yield from _parts(child)
 
 
-def _thing(tree: Any) -> Thing:
+def _named_object(tree: Any) -> NamedObject:
     said = " ".join(str(token) for token in tree.scan_values(lambda _: True))
     first = tree.children[0]
     ref = str(first.data).rpartition("_")[0]
     if ref in ("it", "other", "both"):
-        return Thing(said, _kinds(tree.children[1]) if len(tree.children) > 1 else (), ref=ref)
+        return NamedObject(said, _kinds(tree.children[1]) if len(tree.children) > 1 else (), ref=ref)
     parts = [one for one in first.children if not isinstance(one, Token)]
-    quality = " ".join(_said(one) for one in parts if one.data[:-3] in ("quality", "place"))
+    quality = " ".join(_spoken(one) for one in parts if one.data[:-3] in ("quality", "place"))
     number = next((int(one[:3]) for one in first.children if isinstance(one, Token)), 0)
     noun = next((one for one in parts if one.data.startswith("noun_")), None)
     if noun is None:
-        return Thing(next(_said(one) for one in parts if one.data.startswith("strange_")), (), quality=quality)
-    return Thing(said, _kinds(noun), number, quality)
+        return NamedObject(next(_spoken(one) for one in parts if one.data.startswith("strange_")), (), quality=quality)
+    return NamedObject(said, _kinds(noun), number, quality)
 
 
 def _kinds(noun: Any) -> tuple[str, ...]:
@@ -428,7 +428,7 @@ def _kinds(noun: Any) -> tuple[str, ...]:
     return next(thing.covers or (name,) for thing in CATALOGUE.thing if thing.name == name)
 
 
-def _said(tree: Any) -> str:
+def _spoken(tree: Any) -> str:
     return " ".join(str(token) for token in tree.scan_values(lambda _: True))
 
 

@@ -7,7 +7,7 @@ from companion.run_files import HiEvent, Question, TaskLine, Wish
 # --- The meaning of a sentence ---------------------------------------------------------------------------------------
 
 
-class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
+class NamedObject(msgspec.Struct, frozen=True, omit_defaults=True):
     """A thing as it was named. `kinds`: what the word can mean, none for an unknown word; `number`: jar 2.
 
     `quality`: a colour, a size or a place beside the name. `ref`: it, other or both, in place of a name.
@@ -27,7 +27,7 @@ class Clause(msgspec.Struct, frozen=True, omit_defaults=True):
     """
 
     does: str
-    things: tuple[Thing, ...] = ()
+    things: tuple[NamedObject, ...] = ()
     side: str = ""
     task: str = ""
     lacks: bool = False
@@ -66,7 +66,7 @@ class _Message(msgspec.Struct, frozen=True, tag=True):
     """A message between the agent and its HTTP device."""
 
 
-class Said(_Message, frozen=True, omit_defaults=True):
+class Sentence(_Message, frozen=True, omit_defaults=True, tag="Said"):  # step logs have this word
     """A person said a sentence, which was read already; the answer goes to `ticket`. `held`: the robot is stopped.
 
     `urgency`, `within_s`, `later_s`: of the tasks that it becomes, 0 for none; `instead`: a task that they replace.
@@ -118,7 +118,7 @@ class Answer(_Message, frozen=True):
     status: int = 200
 
 
-class Told(_Message, frozen=True):
+class NewEvent(_Message, frozen=True, tag="Told"):  # step logs have this word
     """An event for /events."""
 
     event: HiEvent
@@ -133,5 +133,5 @@ class Shown(_Message, frozen=True):
     questions: tuple[Question, ...] = ()
 
 
-Local = Said | CancelWanted | Halted
+Local = Sentence | CancelWanted | Halted
 """Messages that the HTTP device posts."""

@@ -9,7 +9,7 @@ import msgspec
 
 from companion.languages.cmd import TaskReport, TaskState
 from companion.run_files import TaskLine
-from services.human_interface.local import Local, Said
+from services.human_interface.local import Local, Sentence
 from services.human_interface.wishes import Context, Option
 
 KEPT_TASKS = 50  # tasks that are remembered after their end; each record of the journal has them all (estimate)
@@ -112,15 +112,15 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         new = [Asked(asker, at + ASKED_S, options, replies)] if options else ended
         return msgspec.structs.replace(self, asked=(*others, *new)[-MOST_ASKED:])
 
-    def again(self, word: Said) -> TaskLine | None:
+    def again(self, word: Sentence) -> TaskLine | None:
         """Return what is answered to a sentence that its asker said just now; None for one that is new."""
-        same = (one for one in self.heard if one.asker == word.asker and one.words == _words(word))
+        same = (one for one in self.heard if one.asker == word.asker and one.words == _sentence_key(word))
         return next((one.line for one in same if abs(word.at - one.at) <= AGAIN_S), None)  # in any order
 
-    def hearing(self, word: Said, line: TaskLine) -> "Memory":
+    def hearing(self, word: Sentence, line: TaskLine) -> "Memory":
         """Return the memory after a sentence that something came of; one without an asker may be of several people."""
         others = tuple(one for one in self.heard if one.asker != word.asker and word.at - one.at <= AGAIN_S)
-        new = (Heard(word.asker, word.at, _words(word), line),) if word.asker else ()
+        new = (Heard(word.asker, word.at, _sentence_key(word), line),) if word.asker else ()
         return msgspec.structs.replace(self, heard=(*others, *new)[-MOST_ASKED:])
 
     def forgetting(self, task: str) -> "Memory":
@@ -144,7 +144,7 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         return msgspec.structs.replace(self, news=(*self.news, *news))
 
 
-def _words(word: Said) -> tuple[str, int, str]:
+def _sentence_key(word: Sentence) -> tuple[str, int, str]:
     """What makes two sentences of somebody equal."""
     return word.text.strip(), 0 if word.instead else word.urgency, word.instead
 

@@ -19,7 +19,7 @@ MOST_THINGS = 6
 
 def wishes(context: Context) -> tuple[Wish, ...]:
     """Return the sentences, thing by thing, in the order in which the things were told."""
-    things = _things(context)[:MOST_THINGS]
+    things = _offered_objects(context)[:MOST_THINGS]
     return tuple(
         Wish(does, InWords(called(name, "en"), called(name, "pl")), InWords(in_words((task,)), in_words((task,), "pl")))
         for name in things
@@ -43,7 +43,7 @@ def replies(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
     return (*names, NO[language]) if names else ()
 
 
-def _things(context: Context) -> tuple[str, ...]:
+def _offered_objects(context: Context) -> tuple[str, ...]:
     """The things that something is offered for, the only one of its kind without a number."""
     uses = {wish.uses[0] for wish in TASKS.values() if wish.offer is Offer.THINGS}
     seen = tuple(name for name in context.seen or () if kind_of(name) in THINGS and uses & {*THINGS[kind_of(name)].can})

@@ -44,7 +44,7 @@ from companion.stop_words import calls_for_help, stop_words
 from services.human_interface import grammar
 from services.human_interface.catalogue import can, say
 from services.human_interface.grammar import prepare, understand
-from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
+from services.human_interface.local import Answer, CancelWanted, Halted, NewEvent, Sentence, Shown, StopRobot
 
 # --- Display of hi for people: tasks, the latest events, answers to tickets. For one event loop ----------------------
 
@@ -68,7 +68,7 @@ class Board:
         match content:
             case Answer(ticket=ticket) if ticket in self._answers:
                 self._answers[ticket] = content
-            case Told(event=event):
+            case NewEvent(event=event):
                 self._events.append(event)
                 self._told = event.n
             case Shown(tasks=tasks, events=events, wishes=wishes, questions=questions):
@@ -188,7 +188,7 @@ class Desk:
             within_s = said.within_s or grammar.seconds_left(meaning.when, minute_of_day)
             later_s = said.later_s or grammar.seconds_until(meaning.when, minute_of_day)
             held, when = self._robot.held, (urgency, within_s, later_s)
-            self._post(Said(ticket, text, meaning, held, *when, said.instead, said.asker, now, east))
+            self._post(Sentence(ticket, text, meaning, held, *when, said.instead, said.asker, now, east))
             return await self._answer(ticket)
 
     async def _stop(self, request: Request) -> msgspec.Struct:

@@ -10,7 +10,7 @@ from companion.all_languages import AnyCommand
 from companion.commands import Offer
 from services.human_interface.catalogue import MAKE, TASKS, THINGS, can, say
 from services.human_interface.grammar import MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
-from services.human_interface.local import Clause, Meaning, Thing
+from services.human_interface.local import Clause, Meaning, NamedObject
 
 MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estimate)
 
@@ -58,7 +58,7 @@ Outcome = Act | Ask | Tell
 class _Doubt(Exception):
     """A thing is not clear: the question, and the things that it could be."""
 
-    def __init__(self, thing: Thing, text: str, names: tuple[str, ...] = ()) -> None:
+    def __init__(self, thing: NamedObject, text: str, names: tuple[str, ...] = ()) -> None:
         self.thing, self.text, self.names = thing, text, names
         super().__init__(text)
 
@@ -141,7 +141,7 @@ def _tasks(clauses: tuple[Clause, ...], context: Context, language: str) -> tupl
     for clause in clauses:
         uses = TASKS[clause.does].uses[: len(clause.things)]
         named = zip(clause.things, uses, strict=True)
-        names = tuple(_thing(thing, use, mentioned, context.seen or (), language) for thing, use in named)
+        names = tuple(_resolved_object(thing, use, mentioned, context.seen or (), language) for thing, use in named)
         if len(set(zip(names, uses, strict=True))) < len(names):
             raise _Doubt(clause.things[1], say(language, f"itself_{uses[1]}", called(names[1], language)))
         tasks.append(MAKE[clause.does](names, clause.side))
@@ -170,7 +170,9 @@ def kind_of(name: str) -> str:
     return name.partition("_")[0]
 
 
-def _thing(thing: Thing, use: str, mentioned: tuple[str, ...], seen: tuple[str, ...], language: str) -> str:
+def _resolved_object(
+    thing: NamedObject, use: str, mentioned: tuple[str, ...], seen: tuple[str, ...], language: str
+) -> str:
     """The name of a thing as pl takes it. Raise _Doubt where it is not clear which one is meant; any place will do."""
     fit = tuple(one.name for one in THINGS.values() if use in one.can)
     if thing.ref:
@@ -191,7 +193,7 @@ def _thing(thing: Thing, use: str, mentioned: tuple[str, ...], seen: tuple[str, 
     return f"{kind}_{thing.number}" if thing.number else kind
 
 
-def _referred(thing: Thing, mentioned: tuple[str, ...], fit: tuple[str, ...], language: str) -> str:
+def _referred(thing: NamedObject, mentioned: tuple[str, ...], fit: tuple[str, ...], language: str) -> str:
     """The thing that a word such as "it" stands for."""
     if thing.ref == "both":
         raise _Doubt(thing, say(language, "one"), fit)
@@ -209,7 +211,7 @@ def _asked(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
     options = []
     for name in doubt.names:
         kind, _, number = name.partition("_")
-        known = Thing(name, (kind,), int(number or 0))
+        known = NamedObject(name, (kind,), int(number or 0))
         clauses = tuple(
             msgspec.structs.replace(one, things=tuple(known if thing is doubt.thing else thing for thing in one.things))
             for one in meaning.clauses

@@ -130,18 +130,18 @@ def _all_quads(beliefs: Beliefs, begin: float) -> Iterator[ox.Quad]:
         yield fact
         yield _in(_observation(source), fact)
     for source in beliefs.sources:
-        yield from _told(_observation(source), "Observation", source, begin)
+        yield from _source_quads(_observation(source), "Observation", source, begin)
         yield ox.Quad(_observation(source), term("about"), _about(source.about))
     for name, source in beliefs.states.items():
         state = node("state", name)
-        yield from _told(state, "HypotheticalState", source, begin)
+        yield from _source_quads(state, "HypotheticalState", source, begin)
         if source.parent:
             yield ox.Quad(state, term("madeFrom"), node("state", source.parent))
         for quad in _quads(subjects(beliefs.overlays.states[name].scene).values()):
             yield _in(state, quad)
 
 
-def _told(of: ox.NamedNode, kind: str, source: Source, begin: float) -> Iterator[ox.Quad]:
+def _source_quads(of: ox.NamedNode, kind: str, source: Source, begin: float) -> Iterator[ox.Quad]:
     agent = node("agent", source.by)
     yield ox.Quad(of, TYPE, term(kind))
     yield ox.Quad(agent, TYPE, term("Agent"))

@@ -17,7 +17,7 @@ from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import close, open_client
 from agent_runtime.io.tap import open_ear
-from companion.autonomy import STEP, Verb, Word
+from companion.autonomy import STEP, Permission, Verb
 from companion.design import DESIGN, AgentName
 from companion.telemetry import Picture, RobotState, decoded
 from services.page.view import PICTURE, ROOM
@@ -88,7 +88,7 @@ class RobotWord:
         session = open_client(self._options.connect, lambda: time.monotonic() > until, tls=tls)
         if session is None:
             return False
-        order = SetParameter(STEP, str(Word(Verb.GO, at)))
+        order = SetParameter(STEP, str(Permission(Verb.GO, at)))
         sessions.put(session, self._key, msgspec.msgpack.encode(Command(f"page-{secrets.token_hex(8)}", order)))
         close(session)
         return True

@@ -76,7 +76,7 @@ class ThingView(msgspec.Struct, frozen=True):
     says: tuple[str, ...]
 
 
-class Told(msgspec.Struct, frozen=True):
+class Announcement(msgspec.Struct, frozen=True):
     """The last thing that is said aloud; `n`: its number."""
 
     n: int = 0
@@ -96,7 +96,7 @@ class View(msgspec.Struct, frozen=True):
     queue: tuple[TaskView, ...]
     ended: tuple[TaskView, ...]
     things: tuple[ThingView, ...]
-    told: Told
+    told: Announcement
 
 
 def view(heard: Heard, language: str) -> View:
@@ -115,8 +115,8 @@ def view(heard: Heard, language: str) -> View:
         next=then,
         queue=tuple(_task(line, language) for line in waiting),
         ended=tuple(_task(line, language) for line in ended[: -MOST_ENDED - 1 : -1]),
-        things=_things(heard.wishes, language),
-        told=_told(heard, language),
+        things=_object_views(heard.wishes, language),
+        told=_announcement(heard, language),
     )
 
 
@@ -198,24 +198,24 @@ def in_language(words: InWords, language: str) -> str:
     return str(getattr(words, language))
 
 
-def _things(wishes: tuple[Wish, ...], language: str) -> tuple[ThingView, ...]:
+def _object_views(wishes: tuple[Wish, ...], language: str) -> tuple[ThingView, ...]:
     found: dict[str, list[str]] = {}
     for one in wishes:
         found.setdefault(in_language(one.thing, language), []).append(in_language(one.says, language))
     return tuple(ThingView(thing, tuple(says)) for thing, says in found.items())
 
 
-def _told(heard: Heard, language: str) -> Told:
+def _announcement(heard: Heard, language: str) -> Announcement:
     """The last event that is worth a word: of a task that it enters a state, not each step of its plan."""
     says = {line.task: _says(line, language) for line in heard.tasks}
     before: dict[str, str] = {}
-    told = Told()
+    told = Announcement()
     for event in heard.news:
         row, last = f"told_{event.name}", before.get(event.task)
         repeated = bool(event.task) and last in (None, event.name)
         before[event.task] = event.name
         if row in WORDS[language] and not repeated:
-            told = Told(event.n, say(language, row, says.get(event.task, event.task)))
+            told = Announcement(event.n, say(language, row, says.get(event.task, event.task)))
     return told
 
 

@@ -36,7 +36,7 @@ class Verb(StrEnum):
     REPLAN = "replan"
 
 
-class Word(msgspec.Struct, frozen=True):
+class Permission(msgspec.Struct, frozen=True):
     """Word of the operator to the leaf `at` and to no other one, so that a word that comes late does nothing."""
 
     verb: Verb
@@ -47,7 +47,7 @@ class Word(msgspec.Struct, frozen=True):
         return f"{self.verb} {self.at}"
 
 
-def read(text: str) -> Word | None:
+def read(text: str) -> Permission | None:
     """The word that a value of the parameter says, None where it says none."""
     verb, _, at = text.partition(" ")
-    return Word(Verb(verb), at) if verb in [*Verb] and at else None
+    return Permission(Verb(verb), at) if verb in [*Verb] and at else None

@@ -97,8 +97,8 @@ def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
 
     Never raises.
     """
-    words = _words(sentence)
-    if any(words == _words(one) for one in answers):
+    words = _as_in_rows(sentence)
+    if any(words == _as_in_rows(one) for one in answers):
         return ""
     table, text = _table(), _without_harmless(words)
     inner = table.leading.sub(" ", text)
@@ -111,12 +111,12 @@ def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
 
 def may_answer(sentence: str) -> bool:
     """Whether a sentence that stops the robot can be the answer to a question; then it stops unless one was asked."""
-    return f" {' '.join(_words(sentence))} " in _table().answer
+    return f" {' '.join(_as_in_rows(sentence))} " in _table().answer
 
 
 def calls_for_help(sentence: str) -> str:
     """The language in which a sentence calls for help; "" where it does not."""
-    text = _without_harmless(_words(sentence))
+    text = _without_harmless(_as_in_rows(sentence))
     return next((language for row, language in _table().helps.items() if row in text), "")
 
 
@@ -138,7 +138,7 @@ def _forms(row: str) -> Iterator[str]:
 # --- words ------------------------------------------------------------------------------------------------------------
 
 
-def _words(sentence: str) -> list[str]:
+def _as_in_rows(sentence: str) -> list[str]:
     """The words as rows have them; loose letters, and words with digits, as the word of a row that they look like."""
     shapes = _table().shapes  # loose letters are the word that they are, such as h e l p, if they are one
     text = _LOOSE.sub(lambda at: shapes.get(_shape(at[0].replace(" ", "")), at[0]), _plain(sentence))

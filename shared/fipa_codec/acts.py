@@ -209,17 +209,17 @@ def check_content(performative: P, content: Content | None) -> None:
     """
     if content is None:
         if performative is not P.CANCEL:
-            raise ContentError("content", f"is absent; {performative} carries {_words(SHAPES[performative])}")
+            raise ContentError("content", f"is absent; {performative} carries {_shape_text(SHAPES[performative])}")
         return
     shape, found = SHAPES[performative], content.expressions
     if len(found) != len(shape) or any(type(one) not in allowed for one, allowed in zip(found, shape, strict=False)):
         given = ", ".join(_CLASS_NAMES[type(one)] for one in found) or "nothing"
-        raise ContentError("content", f"is {given}; {performative} carries {_words(shape)}")
+        raise ContentError("content", f"is {given}; {performative} carries {_shape_text(shape)}")
     for one in found:
         check_expression(one)
 
 
-def _words(shape: Shape) -> str:
+def _shape_text(shape: Shape) -> str:
     return ", ".join(" or ".join(_CLASS_NAMES[kind] for kind in allowed) for allowed in shape)
 
 

@@ -12,7 +12,7 @@ from fipa_codec.performatives import Performative
 from topdown.model.design import Design
 
 
-class Said(Protocol):
+class Filterable(Protocol):
     """The fields a filter reads; records, verdicts and observations have them."""
 
     @property
@@ -56,7 +56,7 @@ class Filter(msgspec.Struct, frozen=True, omit_defaults=True):
         """Whether anything is left out."""
         return self != Filter()
 
-    def keeps(self, one: Said) -> bool:
+    def keeps(self, one: Filterable) -> bool:
         """Whether it is meant."""
         return (
             (not self.channels or one.channel in self.channels)

@@ -75,7 +75,7 @@ def started(pid: int) -> int:
     return found.start if found is not None and found.state != ENDED else 0
 
 
-def words(pid: int) -> tuple[str, ...]:
+def command_line(pid: int) -> tuple[str, ...]:
     """What a process was called with; () of one that is not there, or has ended and its parent has not looked."""
     return next((called for _, called in every_words(pid)), ())
 

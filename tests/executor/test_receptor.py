@@ -16,7 +16,7 @@ from velma.kinematics import ik
 from velma.kinematics.frames import standing
 from velma.kinematics.robot import Robot
 from velma.model.kinds import Model
-from velma.model.scene import Noise, Scene, Thing, load
+from velma.model.scene import Noise, Scene, SceneObject, load
 from velma.sim.mujoco_backend import MujocoBackend
 
 NOISE_M = 0.004
@@ -29,7 +29,7 @@ OPEN = (1.2, 0.0, 1.3)  # in the air, in front of the robot
 class Place:
     """A scene with its state and an eye in it."""
 
-    def __init__(self, things: tuple[Thing, ...], noise: Noise = USUAL) -> None:
+    def __init__(self, things: tuple[SceneObject, ...], noise: Noise = USUAL) -> None:
         scene = Scene("test", things, None, noise)
         backend = MujocoBackend(scene)
         self.model, self.qpos = backend.model, backend.configuration().copy()
@@ -57,9 +57,9 @@ class Place:
         return {sight.name: sight for sight in self.eye().look(self.qpos)}
 
 
-def jar(xyz: tuple[float, float, float]) -> Thing:
+def jar(xyz: tuple[float, float, float]) -> SceneObject:
     """A jar somewhere."""
-    return Thing("jar_1", Model.JAR, xyz)
+    return SceneObject("jar_1", Model.JAR, xyz)
 
 
 def test_all_of_the_cabinet_is_seen_from_the_start() -> None:
@@ -97,7 +97,7 @@ def test_what_is_too_far_or_too_near_is_not_seen() -> None:
 
 def test_what_is_hidden_is_not_seen() -> None:
     """A cabinet with its back to the robot in between; beside it the jar is seen again."""
-    wall = Thing("cabinet_9", Model.CABINET, (0.9, 0.0, 1.4))
+    wall = SceneObject("cabinet_9", Model.CABINET, (0.9, 0.0, 1.4))
     behind, beside = jar((1.5, 0.0, 1.4)), jar((1.5, 0.8, 1.4))
     assert "jar_1" in Place((behind,)).turn(behind.xyz).seen()
     hidden = Place((wall, behind)).turn(behind.xyz).seen()

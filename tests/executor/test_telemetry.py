@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.executor.loop.__main__ import build
-from services.executor.loop.link import AgentLink, Told
+from services.executor.loop.link import AgentLink, LoopAnswer
 from services.executor.loop.process import Speed
 from services.executor.telemetry import STILL_S, News, seen
 from velma.model import scene
@@ -31,10 +31,10 @@ def test_time_alone_is_nothing_that_a_viewer_sees(tmp_path):
     path = tmp_path / "loop.slots"
     build(path, MujocoBackend(scene.load()), speed=Speed.MAX, realtime=False)
     state = AgentLink(path).state()
-    shown = seen(state, Told(), "")
+    shown = seen(state, LoopAnswer(), "")
     replace = msgspec.structs.replace
-    assert seen(replace(state, time_s=state.time_s + 1.0, cycles=state.cycles + 500), Told(), "") == shown
+    assert seen(replace(state, time_s=state.time_s + 1.0, cycles=state.cycles + 500), LoopAnswer(), "") == shown
     for change in ({"hands": np.ones(16).tobytes()}, {"mode": "stopped"}, {"faults": 1}, {"world": b""}):
-        assert seen(replace(state, **change), Told(), "") != shown, change
-    assert seen(state, Told(taken=1), "") != shown
-    assert seen(state, Told(), "Grasp") != shown
+        assert seen(replace(state, **change), LoopAnswer(), "") != shown, change
+    assert seen(state, LoopAnswer(taken=1), "") != shown
+    assert seen(state, LoopAnswer(), "Grasp") != shown

@@ -18,7 +18,7 @@ from agent_runtime.core.step import OUTSIDE
 from agent_runtime.io.devices import DeviceMaker, Post
 from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from companion.all_languages import LANGUAGES, SW
-from companion.autonomy import LEVEL, STEP, Level, Verb, Word
+from companion.autonomy import LEVEL, STEP, Level, Permission, Verb
 from companion.binding import wiring
 from companion.design import DESIGN, language_of
 from companion.languages import sw, wm
@@ -27,7 +27,7 @@ from companion.languages.facts import Facts
 from companion.tools.system import JOB, PROCESSES
 from fipa_codec.communicate import Communicate, encode
 from services.human_interface.grammar import understand
-from services.human_interface.local import Answer, CancelWanted, Said
+from services.human_interface.local import Answer, CancelWanted, Sentence
 from services.knowledge.store import device_at
 from topdown.judge.judge import Judge
 from topdown.judge.verdicts import Judgement, Verdict
@@ -113,7 +113,7 @@ class Fleet:
         """A person's words; hi is asked again until it knows its co."""
         self._tickets += 1
         self.until(lambda: self.up("hi") and "co" in self.wires.nodes["hi"].state.soft.peers)
-        self.wires.post("hi", Said(f"t{self._tickets}", text, understand(text), urgency=urgency))
+        self.wires.post("hi", Sentence(f"t{self._tickets}", text, understand(text), urgency=urgency))
 
     def cancel(self) -> None:
         """A person's cancel of the oldest open task."""
@@ -122,7 +122,7 @@ class Fleet:
 
     def order(self, verb: Verb, at: str = "") -> None:
         """The operator's order about the act that waits, or another one."""
-        self.wires.order("ta", SetParameter(STEP, str(Word(verb, at or self.waits_for))))
+        self.wires.order("ta", SetParameter(STEP, str(Permission(verb, at or self.waits_for))))
 
     def set_level(self, level: Level) -> None:
         """How much ta does without asking an operator, from now on."""

@@ -9,7 +9,7 @@ from pretended_fleet import FINAL, Fleet
 
 from agent_runtime.testing.memory_bus import Faults, Point
 from services.human_interface.grammar import understand
-from services.human_interface.local import CancelWanted, Said, Told
+from services.human_interface.local import CancelWanted, NewEvent, Sentence
 
 COUNT, WITHIN_S = 20, 10.0
 WORDS = (
@@ -31,12 +31,12 @@ some = settings(  # an example takes seconds: twenty commands would be shrunk fo
 )
 
 
-def spoken(number: int, words: str) -> Said | CancelWanted:
+def spoken(number: int, words: str) -> Sentence | CancelWanted:
     """The person's words: a wish, one for later, or a cancel of the oldest open task."""
     if not words:
         return CancelWanted(f"t{number}")
     text = WORDS[1] if words == "later" else words
-    word = Said(f"t{number}", text, MEANT[text])
+    word = Sentence(f"t{number}", text, MEANT[text])
     return replace(word, urgency=int(word.meaning.when.urgent), later_s=5.0 * (words == "later"))
 
 
@@ -45,7 +45,7 @@ def told_ends(fleet: Fleet) -> Counter[str]:
     return Counter(
         one.event.task
         for one in fleet.person.told
-        if isinstance(one, Told) and one.event.name in FINAL and one.event.task
+        if isinstance(one, NewEvent) and one.event.name in FINAL and one.event.task
     )
 
 

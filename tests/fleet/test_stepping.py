@@ -8,7 +8,7 @@ from companion.autonomy import STEP, WAIT_S, Level, Verb
 from companion.languages.cmd import TaskState
 from companion.languages.facts import Kind, fact
 from services.human_interface.grammar import understand
-from services.human_interface.local import Said
+from services.human_interface.local import Sentence
 
 
 def acts(fleet: Fleet) -> int:
@@ -120,7 +120,7 @@ def test_a_plan_that_waits_is_left_for_a_more_urgent_task(fleet: Fleet) -> None:
     """And resumed afterwards, with a plan whose acts wait again."""
     fleet.begin(Level.HANDLING)
     fleet.until(lambda: fleet.waiting)
-    fleet.wires.post("hi", Said("urgent", "look around", understand("look around"), urgency=1))
+    fleet.wires.post("hi", Sentence("urgent", "look around", understand("look around"), urgency=1))
     fleet.until(lambda: fleet.tasks[-1].state == TaskState.DONE)
     assert [task.state for task in fleet.tasks if task.said != "look around"] != [TaskState.DONE]
     assert fleet.step_through()

@@ -10,7 +10,7 @@ from pretended_fleet import Fleet
 from operate.tracing.reasons import Why
 from operate.tracing.trace import Known
 from services.human_interface.grammar import understand
-from services.human_interface.local import Said
+from services.human_interface.local import Sentence
 
 POUR = "pour the content of the jar into the bowl"
 
@@ -74,7 +74,7 @@ def test_a_task_that_was_left(fleet: LoggedFleet) -> None:
     fleet.say(POUR)
     running(fleet, "grasp")
     urgent_wish = "look around"
-    fleet.wires.post("hi", Said("urgent", urgent_wish, understand(urgent_wish), urgency=1))
+    fleet.wires.post("hi", Sentence("urgent", urgent_wish, understand(urgent_wish), urgency=1))
     assert fleet.finish(2) == ["done", "done"]
     first, urgent = (task.task for task in fleet.tasks)
     waited = told(fleet.reasons(first), "waiting and switching")

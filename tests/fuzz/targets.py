@@ -376,7 +376,7 @@ within = 30.0
 def faults(path: Path) -> None:
     """Read, chosen, and said in the words of `roco fault`, all finite."""
     for one in scenario.choose(scenario.load(path), 7):
-        scenario.words(one, 1.76e9)
+        scenario.fault_arguments(one, 1.76e9)
         numbers = [one.for_, one.amount, one.within, one.at]
         held(all(math.isfinite(x) for x in numbers if isinstance(x, float)), "what was chosen is finite")
 

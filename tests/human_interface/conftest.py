@@ -7,7 +7,7 @@ import pytest
 
 from companion.run_files import HI_FILE, HiAddress, Problem, TaskLine
 from services.human_interface import server
-from services.human_interface.local import Answer, CancelWanted, Said, StopRobot
+from services.human_interface.local import Answer, CancelWanted, Sentence, StopRobot
 
 LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)
 
@@ -25,17 +25,17 @@ class Client:
         """The agent's answer to a word, at once."""
         self.words.append(content)
         match content:
-            case Said(ticket=ticket, text="status"):
+            case Sentence(ticket=ticket, text="status"):
                 self.desk.tell(Answer(ticket, problem="no coordinator yet", status=503))
-            case Said(ticket=ticket, text="nie"):
+            case Sentence(ticket=ticket, text="nie"):
                 self.desk.tell(Answer(ticket, TaskLine("", "refused", "All right, then not.", "nie", 1.0)))
             case CancelWanted(ticket=ticket, task="hi-9-9"):
                 self.desk.tell(Answer(ticket, problem="there is no task 'hi-9-9'", status=404))
-            case Said(text="silence"):
+            case Sentence(text="silence"):
                 pass
-            case Said(ticket=ticket, text="that one"):  # and that answer means that the robot is to stop
+            case Sentence(ticket=ticket, text="that one"):  # and that answer means that the robot is to stop
                 self.desk.tell(StopRobot(ticket, "that one"))
-            case Said(ticket=ticket) | CancelWanted(ticket=ticket):
+            case Sentence(ticket=ticket) | CancelWanted(ticket=ticket):
                 self.desk.tell(Answer(ticket, LINE))
 
     def ask(self, verb, path, body=None, **headers):

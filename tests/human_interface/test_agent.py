@@ -25,7 +25,7 @@ from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative as P
 from services.human_interface.behaviours import ANSWER_WITHIN_S, agent
 from services.human_interface.grammar import understand
-from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
+from services.human_interface.local import Answer, CancelWanted, Halted, NewEvent, Sentence, Shown, StopRobot
 from services.human_interface.memory import AGAIN_S, ASKED_S, CONDITIONS, KEPT_TASKS
 
 read = cache(understand)
@@ -68,7 +68,7 @@ class Scene:
 
     def say(self, text, asker="me"):
         """A person says it; the answer."""
-        return self.ask(Said(f"t{len(self.shown)}", text, read(text), asker=asker, at=self.wires.now))
+        return self.ask(Sentence(f"t{len(self.shown)}", text, read(text), asker=asker, at=self.wires.now))
 
     def cancel(self, task="", language="en"):
         """A person cancels; the answer."""
@@ -104,7 +104,7 @@ class Scene:
     @property
     def events(self):
         """Events as /events showed them."""
-        return [one.event for one in self.shown if isinstance(one, Told)]
+        return [one.event for one in self.shown if isinstance(one, NewEvent)]
 
 
 @pytest.fixture
@@ -376,7 +376,7 @@ def test_what_cannot_be_understood_of_co_fails_the_task(scene):
 
 def test_urgency_and_deadline_of_a_sentence_go_to_the_coordinator(scene):
     """Each wish of the sentence has them; without them nothing more is said than before."""
-    scene.ask(Said("t", "take the jar and look around", read("take the jar and look around"), False, 1, 60.0))
+    scene.ask(Sentence("t", "take the jar and look around", read("take the jar and look around"), False, 1, 60.0))
     sent = [one.content for one in scene.heard if isinstance(one.content, cmd.Command)]
     assert [one.urgency for one in sent] == [1, 1]
     assert {round(one.deadline - scene.wires.now, 1) for one in sent} == {59.9}
@@ -389,7 +389,7 @@ def test_urgency_and_deadline_of_a_sentence_go_to_the_coordinator(scene):
 def test_what_was_urgent_is_urgent_when_a_question_was_answered(scene):
     """The options of the question keep it, and the answer of hi says it."""
     words = "take the container"
-    asked = scene.ask(Said("t", words, read(words), False, 1, 600.0, asker="me", at=scene.wires.now))
+    asked = scene.ask(Sentence("t", words, read(words), False, 1, 600.0, asker="me", at=scene.wires.now))
     assert asked.line.state == "question"
     line = scene.say("the jar").line
     assert line.text == "I will take the jar, before anything else, within 10 min."
@@ -408,7 +408,7 @@ def test_what_was_urgent_is_urgent_when_a_question_was_answered(scene):
 )
 def test_the_answer_names_the_time_of_day_by_the_clock_of_who_asks(scene, when, answer):
     """In Nepal, 5:45 ahead of UTC; hours from two of them on."""
-    line = scene.ask(Said("t", "look around", read("look around"), **when, east_min=345)).line
+    line = scene.ask(Sentence("t", "look around", read("look around"), **when, east_min=345)).line
     then = int(scene.wires.now + sum(when.values())) // 60 + 345
     assert line.text == answer.format(then // 60 % 24, then % 60)
 
@@ -438,7 +438,7 @@ def test_a_stop_out_of_reach_cancels_every_task(scene):
 
 def test_a_stopped_robot_takes_no_task(scene):
     """It says how it is let go."""
-    line = scene.ask(Said("t", "take the jar", understand("take the jar"), held=True)).line
+    line = scene.ask(Sentence("t", "take the jar", understand("take the jar"), held=True)).line
     assert (line.state, "roco release" in line.text, scene.heard) == ("refused", True, [])
 
 
@@ -574,7 +574,9 @@ def test_what_was_cancelled_is_new_if_it_is_said_again_at_once(scene):
 def test_clicks_in_another_order_are_one_task(scene):
     """Each request has a thread of its own: a later click may be first."""
     for at in (1.0, 0.0, 1.2, 0.4):
-        scene.ask(Said(f"t{len(scene.shown)}", "look around", read("look around"), asker="me", at=scene.wires.now + at))
+        scene.ask(
+            Sentence(f"t{len(scene.shown)}", "look around", read("look around"), asker="me", at=scene.wires.now + at)
+        )
     assert len(scene.heard) == 1
 
 
@@ -582,7 +584,7 @@ def test_what_is_wanted_more_urgently_is_asked_again(scene):
     """It is no repetition, nor is the same by one who gives no name."""
     words = "look around"
     for urgency, asker in ((0, "me"), (1, "me"), (0, ""), (0, "")):
-        scene.ask(Said(f"t{len(scene.shown)}", words, read(words), False, urgency, asker=asker, at=scene.wires.now))
+        scene.ask(Sentence(f"t{len(scene.shown)}", words, read(words), False, urgency, asker=asker, at=scene.wires.now))
     assert len(scene.heard) == 4
 
 
@@ -599,7 +601,7 @@ def test_a_double_click_on_an_answer_is_one_answer(scene):
         (question,) = [one for one in scene.shown if isinstance(one, Shown)][-1].questions
         assert ("nie" in question.replies, question.until > scene.wires.now) == (True, True)
     scene.settle(0.3)
-    scene.wires.post("hi", Said("n", "nie", read("nie"), asker="me", at=scene.wires.now))
+    scene.wires.post("hi", Sentence("n", "nie", read("nie"), asker="me", at=scene.wires.now))
     scene.settle()
     assert StopRobot("n", "nie") in scene.shown
 
@@ -620,7 +622,7 @@ def test_no_to_a_question_moves_nothing_and_a_no_out_of_nothing_stops(scene):
     scene.say("take the red jar")
     assert scene.say("no").line.state == "refused"
     scene.settle(AGAIN_S + 0.1)
-    scene.wires.post("hi", Said("n", "no", read("no"), asker="me", at=scene.wires.now))
+    scene.wires.post("hi", Sentence("n", "no", read("no"), asker="me", at=scene.wires.now))
     scene.settle()
     assert StopRobot("n", "no") in scene.shown
     assert scene.heard == []

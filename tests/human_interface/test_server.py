@@ -22,7 +22,7 @@ from companion.tools.verbs.hi import terminal
 from operate.cli.__main__ import app
 from services.human_interface import server
 from services.human_interface.grammar import understand
-from services.human_interface.local import CancelWanted, Halted, Said, Shown, Told
+from services.human_interface.local import CancelWanted, Halted, NewEvent, Sentence, Shown
 
 LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)
 
@@ -40,7 +40,7 @@ def test_say_and_cancel_reach_the_agent_and_bring_its_answer(client):
     assert (status, msgspec.json.decode(data, type=TaskLine)) == (200, LINE)
     status, data = client.ask("POST", "/cancel", b"{}")
     assert (status, msgspec.json.decode(data, type=TaskLine)) == (200, LINE)
-    assert [type(word) for word in client.words] == [Said, CancelWanted]
+    assert [type(word) for word in client.words] == [Sentence, CancelWanted]
 
 
 def test_when_a_sentence_is_wanted_goes_to_the_agent_as_seconds(client, monkeypatch):
@@ -86,11 +86,11 @@ def test_tasks_are_what_the_agent_showed_last(client):
 
 def test_events_come_after_a_number_and_can_be_waited_for(client):
     """GET /events: at once what is there; else as soon as there is something."""
-    client.desk.tell(Told(HiEvent(1, 1.0, "co", "waiting", "next")))
+    client.desk.tell(NewEvent(HiEvent(1, 1.0, "co", "waiting", "next")))
     status, data = client.ask("GET", "/events")
     events = msgspec.json.decode(data, type=Events)
     assert (status, events.next, [event.n for event in events.events]) == (200, 1, [1])
-    timer = threading.Timer(0.1, client.desk.tell, (Told(HiEvent(2, 2.0, "co", "done", "")),))
+    timer = threading.Timer(0.1, client.desk.tell, (NewEvent(HiEvent(2, 2.0, "co", "done", "")),))
     timer.start()
     begun = time.monotonic()
     _, data = client.ask("GET", f"/events?since={events.next}&wait=10")
@@ -325,7 +325,7 @@ def test_what_is_said_to_a_stopped_robot_comes_with_that(robot):
     robot.ask("POST", "/say", b'{"text": "look around"}')
     robot.ask("POST", "/stop")
     robot.ask("POST", "/say", b'{"text": "look around"}')
-    assert [word.held for word in robot.words if isinstance(word, Said)] == [False, True]
+    assert [word.held for word in robot.words if isinstance(word, Sentence)] == [False, True]
 
 
 def test_a_robot_out_of_reach_is_not_called_stopped(client):

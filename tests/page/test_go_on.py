@@ -11,7 +11,7 @@ from agent_runtime.core.control import KIND, Command, SetParameter
 from agent_runtime.io.options import Options
 from agent_runtime.io.sessions import free_endpoint, open_router
 from agent_runtime.io.tap import open_ear
-from companion.autonomy import STEP, Verb, Word
+from companion.autonomy import STEP, Permission, Verb
 from companion.design import DESIGN
 from companion.languages.cmd import TaskState
 
@@ -63,7 +63,7 @@ def test_the_button_is_there_while_an_act_waits_and_lets_that_one_begin(house, p
     expect(one.locator("#why")).to_have_text("")
     go.click()
     wait_for(lambda: orders, "ta is told")
-    assert [one.order for one in orders] == [SetParameter(STEP, str(Word(Verb.GO, GRASP)))]
+    assert [one.order for one in orders] == [SetParameter(STEP, str(Permission(Verb.GO, GRASP)))]
     house.report("hi-1-1", TaskState.RUNNING, at=place(1, "Grasp"), number=1)
     expect(go).to_have_count(0)
 

@@ -11,7 +11,7 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
 from topdown.draw import sequence
-from topdown.draw.exchange import Frame, Part, Place, Remark, Said, exchange, meet, name_of
+from topdown.draw.exchange import Frame, Part, Place, Remark, Sending, exchange, meet, name_of
 from topdown.draw.protocols import diagram
 
 FIPA = [value for value in vars(protocols).values() if isinstance(value, Protocol)]
@@ -44,7 +44,7 @@ class Reader:
         """The state before these parts, if this one is behind them."""
         for part in reversed(parts):
             here = self.state()
-            if isinstance(part, Said):
+            if isinstance(part, Sending):
                 self.spoken[here] = [((part.sender, word), after) for word in part.words]
             elif isinstance(part, Remark):
                 self.remark(part.text, here, after)
@@ -209,7 +209,7 @@ def test_a_role_that_owes_a_word_takes_nothing() -> None:
 def said(parts: tuple[Part, ...]) -> Iterator[str]:
     """Every word in a diagram."""
     for part in parts:
-        if isinstance(part, Said):
+        if isinstance(part, Sending):
             yield from part.words
         elif isinstance(part, Frame):
             for branch in part.branches:

@@ -11,17 +11,17 @@ from fipa_codec.exploration import explore
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role
-from topdown.judge.follow import WINDOW, Followed, Said
+from topdown.judge.follow import WINDOW, Followed, TableMessage
 
 PROTOCOLS = [one for one in vars(protocols).values() if isinstance(one, Protocol)]
 LENGTH = 40
 
 
-def walk(protocol: Protocol, chance: random.Random, *, lossy: bool) -> list[tuple[Role, Said]]:
+def walk(protocol: Protocol, chance: random.Random, *, lossy: bool) -> list[tuple[Role, TableMessage]]:
     """The words in the order they are said, by two roles that send and take at random times."""
     state = dict.fromkeys(Role, START)
-    ahead: dict[Role, list[Said]] = {role: [] for role in Role}
-    said: list[tuple[Role, Said]] = []
+    ahead: dict[Role, list[TableMessage]] = {role: [] for role in Role}
+    said: list[tuple[Role, TableMessage]] = []
     for _ in range(LENGTH):
         role = chance.choice(list(Role))
         table, inbound = protocol.tables[role], ahead[role]
@@ -35,7 +35,7 @@ def walk(protocol: Protocol, chance: random.Random, *, lossy: bool) -> list[tupl
         elif rows := table.allowed(state[role], SEND):
             row = chance.choice(rows)
             state[role] = row.to
-            one = Said(row.performative, (row.kind,), sure=not lossy)
+            one = TableMessage(row.performative, (row.kind,), sure=not lossy)
             said.append((role, one))
             ahead[role.other].append(one)
     return said
@@ -60,7 +60,7 @@ def test_what_no_merge_explains_is_refused(protocol: Protocol) -> None:
         may = {(row.performative, row.kind) for row in table.allowed(START, SEND)}
         for act in set(Performative) - {Performative.NOT_UNDERSTOOD}:
             for kind in Kind:
-                fits = Followed(protocol, durable=True).take(role, Said(act, (kind,)))
+                fits = Followed(protocol, durable=True).take(role, TableMessage(act, (kind,)))
                 assert fits == ((act, kind) in may)
         assert followed.states == (START, START)
 
@@ -68,8 +68,8 @@ def test_what_no_merge_explains_is_refused(protocol: Protocol) -> None:
 def request() -> Followed:
     """A request that was agreed to."""
     followed = Followed(protocols.REQUEST, durable=True)
-    assert followed.take(Role.INITIATOR, Said(Performative.REQUEST, label="1"))
-    assert followed.take(Role.PARTICIPANT, Said(Performative.AGREE, answers="1"))
+    assert followed.take(Role.INITIATOR, TableMessage(Performative.REQUEST, label="1"))
+    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.AGREE, answers="1"))
     return followed
 
 
@@ -80,11 +80,11 @@ def test_states_are_those_after_all_was_taken() -> None:
 
 def test_a_cancel_may_cross_the_result_but_not_follow_its_own_answer() -> None:
     """Both merges of a crossing are kept, until what is said next tells which it was."""
-    cancel = Said(Performative.CANCEL, label="2")
+    cancel = TableMessage(Performative.CANCEL, label="2")
     crossed = request()
-    assert crossed.take(Role.PARTICIPANT, Said(Performative.INFORM))
+    assert crossed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM))
     assert crossed.take(Role.INITIATOR, cancel)  # it had not taken the result yet
-    assert crossed.take(Role.PARTICIPANT, Said(Performative.FAILURE, (Kind.CANCEL,), answers="2"))
+    assert crossed.take(Role.PARTICIPANT, TableMessage(Performative.FAILURE, (Kind.CANCEL,), answers="2"))
     assert crossed.states == ("settled", "settled")
     assert not crossed.take(Role.INITIATOR, cancel)
 
@@ -92,8 +92,8 @@ def test_a_cancel_may_cross_the_result_but_not_follow_its_own_answer() -> None:
 def test_an_answer_was_said_after_what_it_answers() -> None:
     """By its label; without one, the cancel might still be on its way when the result is said."""
     followed = request()
-    assert followed.take(Role.INITIATOR, Said(Performative.CANCEL, label="2"))
-    plain, named = Said(Performative.AGREE), Said(Performative.AGREE, answers="2")
+    assert followed.take(Role.INITIATOR, TableMessage(Performative.CANCEL, label="2"))
+    plain, named = TableMessage(Performative.AGREE), TableMessage(Performative.AGREE, answers="2")
     assert not followed.take(Role.PARTICIPANT, named)
     assert not followed.take(Role.PARTICIPANT, plain)  # it was said already
 
@@ -101,29 +101,29 @@ def test_an_answer_was_said_after_what_it_answers() -> None:
 def test_not_understood_ends_it_at_any_point() -> None:
     """SC00037J: whoever says it is deaf from then on, and says nothing more."""
     followed = request()
-    assert followed.take(Role.INITIATOR, Said(Performative.NOT_UNDERSTOOD))
-    assert followed.take(Role.PARTICIPANT, Said(Performative.INFORM))  # it had not heard it yet
+    assert followed.take(Role.INITIATOR, TableMessage(Performative.NOT_UNDERSTOOD))
+    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM))  # it had not heard it yet
     assert followed.states == (NOT_UNDERSTOOD, "done")
-    assert not followed.take(Role.INITIATOR, Said(Performative.CANCEL, label="2"))
+    assert not followed.take(Role.INITIATOR, TableMessage(Performative.CANCEL, label="2"))
 
 
 def test_a_question_asked_again_may_be_answered_again() -> None:
     """Each copy once: no journal numbers them."""
-    query = Said(Performative.QUERY_REF, label="1")
+    query = TableMessage(Performative.QUERY_REF, label="1")
     followed = Followed(protocols.QUERY, durable=False)
     assert followed.take(Role.INITIATOR, query)
-    assert followed.take(Role.PARTICIPANT, Said(Performative.INFORM_REF, answers="1"))
-    assert not followed.take(Role.PARTICIPANT, Said(Performative.INFORM_REF, answers="1"))
+    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM_REF, answers="1"))
+    assert not followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM_REF, answers="1"))
     followed.repeat(Role.INITIATOR, query)
-    assert followed.take(Role.PARTICIPANT, Said(Performative.INFORM_REF, answers="1"))
+    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM_REF, answers="1"))
 
 
 def test_what_is_soft_is_forgotten_when_it_ends() -> None:
     """A subscription that was refused and is asked for again may be agreed to: whoever refused has forgotten it."""
-    subscribe, agree = Said(Performative.SUBSCRIBE, label="1"), Said(Performative.AGREE, answers="1")
+    subscribe, agree = TableMessage(Performative.SUBSCRIBE, label="1"), TableMessage(Performative.AGREE, answers="1")
     followed = Followed(protocols.SUBSCRIBE, durable=False)
     assert followed.take(Role.INITIATOR, subscribe)
-    assert followed.take(Role.PARTICIPANT, Said(Performative.REFUSE, answers="1"))
+    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.REFUSE, answers="1"))
     assert not followed.take(Role.PARTICIPANT, agree)
     followed.repeat(Role.INITIATOR, subscribe)
     assert followed.take(Role.PARTICIPANT, agree)
@@ -132,22 +132,22 @@ def test_what_is_soft_is_forgotten_when_it_ends() -> None:
 @pytest.mark.parametrize("dies", [True, False])
 def test_a_death_forgets_what_is_soft(dies: bool) -> None:
     """The side that lives says once more that it agreed; the side that died may also refuse, having forgotten it."""
-    subscribe = Said(Performative.SUBSCRIBE, label="1")
+    subscribe = TableMessage(Performative.SUBSCRIBE, label="1")
     followed = Followed(protocols.SUBSCRIBE, durable=False)
     assert followed.take(Role.INITIATOR, subscribe)
-    assert followed.take(Role.PARTICIPANT, Said(Performative.AGREE, answers="1"))
+    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.AGREE, answers="1"))
     if dies:
         followed.sides[Role.PARTICIPANT].forget()
     followed.repeat(Role.INITIATOR, subscribe)
-    assert followed.take(Role.PARTICIPANT, Said(Performative.REFUSE, answers="1")) == dies
+    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.REFUSE, answers="1")) == dies
 
 
 def test_a_long_subscription_costs_no_more_than_a_short_one() -> None:
     """However many informs come by, only the newest are kept as not taken yet."""
     followed = Followed(protocols.SUBSCRIBE, durable=False)
-    assert followed.take(Role.INITIATOR, Said(Performative.SUBSCRIBE, label="1"))
-    assert followed.take(Role.PARTICIPANT, Said(Performative.AGREE, answers="1"))
+    assert followed.take(Role.INITIATOR, TableMessage(Performative.SUBSCRIBE, label="1"))
+    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.AGREE, answers="1"))
     for _ in range(10 * WINDOW):
-        assert followed.take(Role.PARTICIPANT, Said(Performative.INFORM))
+        assert followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM))
     assert len(followed.sides[Role.INITIATOR]._ahead) <= WINDOW
-    assert followed.take(Role.INITIATOR, Said(Performative.CANCEL, label="2"))
+    assert followed.take(Role.INITIATOR, TableMessage(Performative.CANCEL, label="2"))

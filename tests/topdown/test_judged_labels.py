@@ -4,7 +4,7 @@ from fipa_codec import protocols
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Protocol, Role
-from topdown.judge.follow import Followed, Said
+from topdown.judge.follow import Followed, TableMessage
 
 INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
 Line = tuple[Role, P, str, str, Kind]
@@ -94,13 +94,13 @@ def test_a_wrong_label_is_out_of_sequence() -> None:
 def test_a_doubtful_opening_does_not_spoil_what_follows() -> None:
     """One repeated under a wrong label was judged; the right one is still right after it."""
     followed = play(protocols.SUBSCRIBE, LIVE)
-    followed.doubt(INITIATOR, Said(P.SUBSCRIBE, label="R9"))
+    followed.doubt(INITIATOR, TableMessage(P.SUBSCRIBE, label="R9"))
     assert not followed.mislabelled(INITIATOR, P.SUBSCRIBE, "R1")
 
 
 def test_a_doubtful_round_may_have_begun_or_not() -> None:
     """A proposal to either is not a fault of the bidder."""
     followed = play(protocols.ICFP, CALLED)
-    followed.doubt(INITIATOR, Said(P.CFP, label="R2"))
+    followed.doubt(INITIATOR, TableMessage(P.CFP, label="R2"))
     for answers in ("R1", "R2"):
         assert not isinstance(followed.read(PARTICIPANT, P.PROPOSE, "", answers, (Kind.PLAIN,)), str)

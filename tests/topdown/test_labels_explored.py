@@ -16,7 +16,7 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import FIPA, PAPER, PROTOCOLS
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Way
-from topdown.judge.follow import Followed, Said
+from topdown.judge.follow import Followed, TableMessage
 
 DEPTH = 5
 """Messages of a conversation: opening, cancel, its failure, another cancel, and an answer to either."""
@@ -30,7 +30,7 @@ class Place(NamedTuple):
 
     ours: Conversation
     judge: Followed
-    said: tuple[tuple[Role, Said], ...] = ()
+    said: tuple[tuple[Role, TableMessage], ...] = ()
 
     @property
     def labels(self) -> tuple[str, ...]:

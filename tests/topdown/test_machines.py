@@ -7,7 +7,7 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
 from topdown.model.errors import DesignError
-from topdown.model.machines import Cause, Event, Guard, Said, machines
+from topdown.model.machines import Cause, Event, Guard, ProtocolAct, machines
 
 WISH = '{ in = ["idle"], on = "person wish", say = ["switch request"], to = "waiting" }'
 
@@ -44,8 +44,8 @@ def test_every_field_of_a_row_is_kept() -> None:
     ).rows
     assert row.number == 1
     assert row.states == {"idle", "lit"}
-    assert row.say == (Said("switch", P.AGREE, Kind.PLAIN), Said("switch", P.INFORM, Kind.PLAIN))
-    assert row.may == (Said("switch", P.FAILURE, Kind.PLAIN),)
+    assert row.say == (ProtocolAct("switch", P.AGREE, Kind.PLAIN), ProtocolAct("switch", P.INFORM, Kind.PLAIN))
+    assert row.may == (ProtocolAct("switch", P.FAILURE, Kind.PLAIN),)
     assert row.when == (Guard("switch", frozenset({"asked", "agreed"})), Guard("watch", frozenset({"settled"})))
     assert row.waits == ("switch",)
     assert (row.drop, row.owes, row.moves, row.to, row.several) == (("ask",), ("watch",), "switch", "busy", True)

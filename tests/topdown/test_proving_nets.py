@@ -11,13 +11,13 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import CFP, SUBSCRIBE
 from fipa_codec.tables import RECEIVE, SEND, Role, Row, Table
-from topdown.model.machines import Said
+from topdown.model.machines import ProtocolAct
 from topdown.prove.fleet import Flat, Fleet
 from topdown.prove.parts import Net
 from topdown.prove.soft import _repeated
 
-ASKED, ANSWER = Said("ask", P.QUERY_REF, Kind.PLAIN), Said("ask", P.INFORM, Kind.PLAIN)
-NEWS = Said("watch", P.INFORM, Kind.PLAIN)
+ASKED, ANSWER = ProtocolAct("ask", P.QUERY_REF, Kind.PLAIN), ProtocolAct("ask", P.INFORM, Kind.PLAIN)
+NEWS = ProtocolAct("watch", P.INFORM, Kind.PLAIN)
 SLOW = (
     '{ in = ["idle"], on = "ask query-ref", to = "busy" }',
     '{ in = ["busy"], on = "own thought", say = ["ask inform"], to = "idle" }',
@@ -72,7 +72,7 @@ def test_rest_is_without_words_news_and_with_a_live_subscription() -> None:
 def test_rest_is_without_words_in_queues_and_news_of_peers() -> None:
     """A word that nobody has taken yet; a peer that came back and was not taken note of."""
     model = fleet(design(HAND, LAMP))
-    queue = model.parts.queues((Said("switch", P.CANCEL, Kind.PLAIN),))
+    queue = model.parts.queues((ProtocolAct("switch", P.CANCEL, Kind.PLAIN),))
     assert model.at_rest(model.start)
     assert not model.at_rest((*model.start[:2], queue, *model.start[3:]))
     hears = '{ in = ["idle"], on = "back lamp", say = ["ask query-ref"], to = "asking" }'
@@ -139,16 +139,16 @@ def test_nothing_is_observed_before_the_subscription_is_agreed() -> None:
 
 def test_what_is_asked_again_in_each_state() -> None:
     """The newest word of who opened, until something is taken; a cancel until its answer."""
-    cancel, agree = Said("use", P.CANCEL, Kind.PLAIN), Said("use", P.ACCEPT_PROPOSAL, Kind.PLAIN)
+    cancel, agree = ProtocolAct("use", P.CANCEL, Kind.PLAIN), ProtocolAct("use", P.ACCEPT_PROPOSAL, Kind.PLAIN)
     subscribing = _repeated("use", SUBSCRIBE.tables[Role.INITIATOR])
     assert subscribing == {
-        "asked": Said("use", P.SUBSCRIBE, Kind.PLAIN),
+        "asked": ProtocolAct("use", P.SUBSCRIBE, Kind.PLAIN),
         "cancelling-asked": cancel,
         "cancelling": cancel,
         "overtaken": cancel,
     }
     calling = _repeated("use", CFP.tables[Role.INITIATOR])
-    assert (calling["called"], calling["awarded"]) == (Said("use", P.CFP, Kind.PLAIN), agree)
+    assert (calling["called"], calling["awarded"]) == (ProtocolAct("use", P.CFP, Kind.PLAIN), agree)
     assert calling["cancelling-offered"] == calling["overtaken"] == cancel
     assert "offered" not in calling
 

@@ -7,7 +7,7 @@ from small import ANSWERER, ASKER, HAND, LAMP, design, fleet, questions, watchin
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from topdown.model.design import Design
-from topdown.model.machines import Said
+from topdown.model.machines import ProtocolAct
 from topdown.prove.verify import Verdict, tasks
 
 
@@ -107,4 +107,4 @@ def test_a_word_left_out_wrongly_is_open() -> None:
 def test_silent_words_are_of_the_design() -> None:
     """The model of each design has its own."""
     told = '{ in = ["waiting"], on = "switch inform[progress]" }'
-    assert fleet(design((*HAND, told), LAMP)).parts.silent == {Said("switch", P.INFORM, Kind.PROGRESS)}
+    assert fleet(design((*HAND, told), LAMP)).parts.silent == {ProtocolAct("switch", P.INFORM, Kind.PROGRESS)}

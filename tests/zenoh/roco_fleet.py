@@ -34,7 +34,7 @@ from operate.cli.runs import folders
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
 from operate.run_folder import ProcessState
-from services.executor.loop.link import AgentLink, LoopState, Told
+from services.executor.loop.link import AgentLink, LoopAnswer, LoopState
 from velma.errors import SlotError
 from velma.sim.truth import Truth
 
@@ -53,7 +53,7 @@ class Moment(msgspec.Struct, frozen=True):
     why: Facts
     truth: Truth
     state: LoopState
-    told: Told
+    told: LoopAnswer
 
     def moving(self, act: str) -> bool:
         """Whether the plan is in this act and the robot carries it out."""

@@ -18,7 +18,7 @@ from agent_runtime.impersonation import LivingError, Stage
 from agent_runtime.io.sessions import client_config, free_endpoint, open_router
 from agent_runtime.io.steplog import StepLogs
 from fipa_codec.communicate import decode, encode
-from operate.cli.traffic.listen import Said, recorded, said
+from operate.cli.traffic.listen import HeardMessage, heard_message, recorded
 from operate.cli.traffic.play import moved
 from operate.recording import index, mcap_file
 from operate.recording.contents import contents
@@ -31,14 +31,14 @@ ROCO = [sys.executable, "-m", "operate.cli"]
 DEADLINE_S = 40.0
 
 
-def _now(one: Said) -> Said:
+def _now(one: HeardMessage) -> HeardMessage:
     """The same, said now: what is long ago would be late."""
     communicate = one.communicate()
     assert communicate is not None
     return msgspec.structs.replace(one, data=encode(moved(communicate, one.at, time.time() + 5, None)))
 
 
-SAID = [one for sample in recorded(POUR) if sample is not None and (one := said(sample)) is not None]
+SAID = [one for sample in recorded(POUR) if sample is not None and (one := heard_message(sample)) is not None]
 """Communicates of a recorded run."""
 
 
@@ -53,7 +53,7 @@ class Router:
         self.session = zenoh.open(client_config(self.endpoint))
         self._logs = StepLogs(run)
         self.running: list[subprocess.Popen[bytes]] = []
-        self.said: list[Said] = []
+        self.said: list[HeardMessage] = []
 
     def roco(self, *words: str) -> "subprocess.Popen[bytes]":
         """A verb, started; it hears what is said from when this comes back."""
@@ -147,7 +147,7 @@ def test_a_recording_has_what_is_meant(router: Router) -> None:
     router.say(80)
     (done,) = told(process)
     assert (done["communicates"], done["file"], done["dropped"]) == (count, str(file), 0)
-    kept = [one for sample in recorded(file) if sample is not None and (one := said(sample)) is not None]
+    kept = [one for sample in recorded(file) if sample is not None and (one := heard_message(sample)) is not None]
     assert [one.data for one in kept] == [one.data for one in router.said if one.channel == "C4"]
 
 

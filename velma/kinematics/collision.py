@@ -290,7 +290,7 @@ class UnknownThing(VelmaError):
 
 
 @dataclass
-class _Thing:
+class _CollisionObject:
     shapes: tuple[Any, ...]
     kind: Kind
     pose: Any  # T_world_thing, or T_grip_thing while held
@@ -353,7 +353,7 @@ class World:
         self._head = model.getJointId(names.HEAD[-1])
         self._index = {name: model.joints[model.getJointId(name)].idx_q for name in list(model.names)[1:]}
         self._grip = {side: body_frame(model, names.GRIP_BODY[side]) for side in names.SIDES}
-        self._things: dict[str, _Thing] = {}
+        self._things: dict[str, _CollisionObject] = {}
         self._allowed: tuple[tuple[str, str], ...] = ()
         self._checks: Near | PlainChecks | None = None  # None after things were added or removed
         self._fresh = False  # whether the compared pairs agree with what is held and allowed
@@ -374,7 +374,7 @@ class World:
         if old is not None and (old.shapes is shapes or old.shapes == tuple(shapes)) and old.kind == kind:
             self._place(old, None, pose)
             return
-        self._things[name] = _Thing(tuple(shapes), kind, pose)
+        self._things[name] = _CollisionObject(tuple(shapes), kind, pose)
         self._forget()
 
     def remove(self, name: str) -> None:
@@ -489,13 +489,13 @@ class World:
         }
 
     # -- inside ----------------------------------------------------------------------------------------------------
-    def _thing(self, name: str) -> _Thing:
+    def _thing(self, name: str) -> _CollisionObject:
         try:
             return self._things[name]
         except KeyError:
             raise UnknownThing(name, self._things) from None
 
-    def _where(self, thing: _Thing) -> Any:
+    def _where(self, thing: _CollisionObject) -> Any:
         if thing.side is None:
             return thing.pose
         pin.forwardKinematics(self._body.model, self._data, self._q)
@@ -510,13 +510,13 @@ class World:
             return str(self._groups[geometry])
         return str(self._body.model.frames[self._body.shapes.geometryObjects[geometry].parentFrame].name)
 
-    def _place(self, thing: _Thing, side: str | None, pose: Any) -> None:
+    def _place(self, thing: _CollisionObject, side: str | None, pose: Any) -> None:
         self._fresh = self._fresh and thing.side == side
         thing.side, thing.pose = side, pose
         if self._checks is not None:
             self._mount(self._checks, thing)
 
-    def _mount(self, checks: Near | PlainChecks, thing: _Thing) -> None:
+    def _mount(self, checks: Near | PlainChecks, thing: _CollisionObject) -> None:
         joint, T_joint_thing = 0, thing.pose
         if thing.side is not None:
             grip = self._body.model.frames[self._grip[thing.side]]

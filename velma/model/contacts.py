@@ -42,7 +42,7 @@ def robot_defaults(default: ET.Element, hand: Mapping[str, Any]) -> None:
     """Classes of the robot's geoms; `hand` holds the contact numbers of robot.yaml."""
     meets = Kind.WORLD | Kind.ARM | Kind.HAND | Kind.OBJECT
     add_class(default, "arm", group=SHAPE_GROUP, mass="0", **masks(Kind.ARM, meets))
-    grip = {key: _words(value) for key, value in hand.items()}
+    grip = {key: _attribute_text(value) for key, value in hand.items()}
     for name in ("hand", "finger"):
         add_class(default, name, group=SHAPE_GROUP, mass="0", **masks(Kind.HAND, meets), **grip)
     add_class(default, LOOK_CLASS, group=LOOK_GROUP, mass="0", **masks(Kind(0), Kind(0)))
@@ -53,7 +53,7 @@ def add_class(default: ET.Element, name: str, **attributes: str) -> None:
     ET.SubElement(ET.SubElement(default, "default", {"class": name}), "geom", attributes)
 
 
-def _words(value: Any) -> str:
+def _attribute_text(value: Any) -> str:
     return " ".join(f"{x:g}" for x in value) if isinstance(value, list) else f"{value:g}"
 
 

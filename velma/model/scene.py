@@ -106,7 +106,7 @@ NOWHERE: Vector = (math.nan, math.nan, math.nan)
 """Of a thing whose place the file does not say."""
 
 
-class Thing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class SceneObject(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A thing in the world: position [m] of its model's origin, turned by Rz(yaw) Ry(pitch) Rx(roll) [rad].
 
     `inside`: the cabinet that it stands in and moves with; `on`: the table that it stands on. A seed moves
@@ -197,16 +197,16 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Things, content, noise, and how far a seed moves things. Check a scene of your own with `checked`."""
 
     name: str
-    things: tuple[Thing, ...] = msgspec.field(name="thing", default=())
+    things: tuple[SceneObject, ...] = msgspec.field(name="thing", default=())
     content: Content | None = None
     noise: Noise = Noise()
     spread: Spread = Spread()
 
-    def find(self, name: str) -> Thing | None:
+    def find(self, name: str) -> SceneObject | None:
         """Return the thing of this id, or None."""
         return next((thing for thing in self.things if thing.id == name), None)
 
-    def of(self, *models: Model) -> tuple[Thing, ...]:
+    def of(self, *models: Model) -> tuple[SceneObject, ...]:
         """Return all things of these models, in the order of the file."""
         return tuple(thing for thing in self.things if thing.model in models)
 
@@ -289,7 +289,7 @@ def _check_spread(spread: Spread) -> None:
             raise SceneError(f"spread.{name}", value, f"the smaller number first, both within +-{MOST_SPREAD:g}")
 
 
-def _check_thing(scene: Scene, thing: Thing, times: int) -> None:
+def _check_thing(scene: Scene, thing: SceneObject, times: int) -> None:
     if not _ID.fullmatch(thing.id):
         raise SceneError(f"thing {thing.id}", thing.id, "a kind in small letters and a number, as jar_1; not grain_1")
     if times > 1:
@@ -308,7 +308,7 @@ def _check_thing(scene: Scene, thing: Thing, times: int) -> None:
         raise SceneError(f"thing {thing.id}", pose, "metres and radians within +-10")
 
 
-def _check_leaf(scene: Scene, thing: Thing) -> None:
+def _check_leaf(scene: Scene, thing: SceneObject) -> None:
     """Raise SceneError for a leaf that hangs at nothing or is open too far, and for another thing that does."""
     if thing.model not in DOORS:
         if thing.of is not None or thing.open:
@@ -334,12 +334,12 @@ def hung(scene: Scene) -> Scene:
     return msgspec.structs.replace(scene, things=things)
 
 
-def _where_it_hangs(scene: Scene, thing: Thing) -> Thing:
+def _where_it_hangs(scene: Scene, thing: SceneObject) -> SceneObject:
     around = scene.find(thing.of) if thing.of is not None and math.isnan(thing.xyz[0]) else None
     return thing if around is None or thing.model not in DOORS else _hung(thing, around)
 
 
-def _hung(leaf: Thing, cabinet: Thing) -> Thing:
+def _hung(leaf: SceneObject, cabinet: SceneObject) -> SceneObject:
     """Return the leaf at its hinge, turned by its angle."""
     xyz, yaw = hanging(leaf.model, cabinet.xyz, cabinet.yaw, leaf.open)
     return msgspec.structs.replace(leaf, xyz=xyz, yaw=yaw)
@@ -362,11 +362,11 @@ def vary(scene: Scene, seed: int) -> Scene:
     )
 
 
-def _stream(seed: int, thing: Thing) -> np.random.Generator:
+def _stream(seed: int, thing: SceneObject) -> np.random.Generator:
     return np.random.default_rng([seed, *thing.id.encode()])
 
 
-def _moved_cabinet(thing: Thing, seed: int, spread: Spread) -> Thing:
+def _moved_cabinet(thing: SceneObject, seed: int, spread: Spread) -> SceneObject:
     rng = _stream(seed, thing)
     dx, dy = rng.uniform(-spread.cabinet, spread.cabinet, 2)
     x, y, z = thing.xyz
@@ -374,7 +374,7 @@ def _moved_cabinet(thing: Thing, seed: int, spread: Spread) -> Thing:
     return msgspec.structs.replace(thing, xyz=(x + float(dx), y + float(dy), z), yaw=float(yaw))
 
 
-def _moved(scene: Scene, thing: Thing, moved: dict[str, Thing], seed: int, spread: Spread) -> Thing:
+def _moved(scene: Scene, thing: SceneObject, moved: dict[str, SceneObject], seed: int, spread: Spread) -> SceneObject:
     """Return a thing moved with its cabinet; a jar or a bowl also in its cabinet or on its table, and turned."""
     if thing.of in moved:
         return _hung(thing, moved[thing.of])
@@ -389,7 +389,7 @@ def _moved(scene: Scene, thing: Thing, moved: dict[str, Thing], seed: int, sprea
     return msgspec.structs.replace(thing, xyz=(float(x), float(y), z), yaw=yaw)
 
 
-def _shift(thing: Thing, seed: int, spread: Spread) -> tuple[np.ndarray, float]:
+def _shift(thing: SceneObject, seed: int, spread: Spread) -> tuple[np.ndarray, float]:
     """Return a shift (2,) along the axes of what it stands in or on [m], and a yaw [rad]."""
     rng = _stream(seed, thing)
     if thing.on is not None:

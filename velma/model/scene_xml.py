@@ -12,7 +12,7 @@ from velma.model import grains, surfaces
 from velma.model.build import ROBOT_XML, quat_wxyz, text
 from velma.model.contacts import LOOK_CLASS, SHAPE_GROUP, Kind, add_class, masks
 from velma.model.kinds import BOXES, CABINETS, DOORS, TABLES, Model, Numbers, objects
-from velma.model.scene import Scene, Thing
+from velma.model.scene import Scene, SceneObject
 from velma.names import FT_BODY
 
 WRIST_SENSORS = ("force", "torque")
@@ -67,7 +67,7 @@ def _classes(default: ET.Element, contact: Numbers) -> None:
     add_class(default, "grain", **masks(Kind.GRAIN, Kind.GRAIN | Kind.INNER | Kind.WORLD), **words("grain"))
 
 
-def _body(world: ET.Element, thing: Thing, *, free: bool) -> ET.Element:
+def _body(world: ET.Element, thing: SceneObject, *, free: bool) -> ET.Element:
     place = {"pos": text(thing.xyz), "quat": text(quat_wxyz((thing.roll, thing.pitch, thing.yaw)))}
     body = ET.SubElement(world, "body", {"name": thing.id, **place})
     if free:
@@ -79,7 +79,7 @@ def _geom(body: ET.Element, name: str, kind: str, size: Sequence[float], **attri
     ET.SubElement(body, "geom", {"name": f"{body.get('name')}_{name}", "type": kind, "size": text(size), **attributes})
 
 
-def _furniture(world: ET.Element, thing: Thing) -> None:
+def _furniture(world: ET.Element, thing: SceneObject) -> None:
     _parts(_body(world, thing, free=False), thing.model)
 
 
@@ -89,7 +89,7 @@ def _parts(body: ET.Element, model: Model) -> None:
         _geom(body, name, "box", [edge / 2 for edge in part["box"]], pos=text(part["xyz"]), **look)
 
 
-def _jar(world: ET.Element, thing: Thing) -> None:
+def _jar(world: ET.Element, thing: SceneObject) -> None:
     """Add an outer cylinder for hands and furniture, and inside a ring of plates and a bottom for grains."""
     jar, body = objects()["jar"], _body(world, thing, free=True)
     ET.SubElement(body, "inertial", pos="0 0 0", mass=text([jar["mass"]]), diaginertia=text(jar["inertia"]))
@@ -110,7 +110,7 @@ def _jar(world: ET.Element, thing: Thing) -> None:
     _look(body, "jar")
 
 
-def _bowl(world: ET.Element, thing: Thing) -> None:
+def _bowl(world: ET.Element, thing: SceneObject) -> None:
     """Add a disc and slanted plates that everything touches: flared, so that fingers and grains meet the real wall."""
     bowl, body = objects()["bowl"], _body(world, thing, free=True)
     mass, rim, base, height = bowl["mass"], bowl["rim_radius"], bowl["base_radius"], bowl["height"]
@@ -128,7 +128,7 @@ def _bowl(world: ET.Element, thing: Thing) -> None:
     _look(body, "bowl")
 
 
-def _door(world: ET.Element, thing: Thing) -> None:
+def _door(world: ET.Element, thing: SceneObject) -> None:
     """Add a leaf on its hinge. The panel has all of its mass, spread evenly."""
     leaf, body = objects()[thing.model], _body(world, thing, free=False)
     hinge, opens, panel = leaf["hinge"], leaf["opens"], leaf["parts"]["panel"]
@@ -142,7 +142,7 @@ def _door(world: ET.Element, thing: Thing) -> None:
     _parts(body, thing.model)
 
 
-def _box(world: ET.Element, thing: Thing) -> None:
+def _box(world: ET.Element, thing: SceneObject) -> None:
     """Add a closed box; its inertia is that of its mass spread evenly."""
     box, body = objects()[thing.model], _body(world, thing, free=True)
     x, y, z = box["edges"]
@@ -151,7 +151,7 @@ def _box(world: ET.Element, thing: Thing) -> None:
     _geom(body, "side", "box", (x / 2, y / 2, z / 2), **{"class": "box"})
 
 
-def _lid(world: ET.Element, thing: Thing) -> None:
+def _lid(world: ET.Element, thing: SceneObject) -> None:
     """Add a flat cylinder; its inertia is that of its mass spread evenly."""
     lid, body = objects()[thing.model], _body(world, thing, free=True)
     radius, height, mass = lid["radius"], lid["height"], lid["mass"]

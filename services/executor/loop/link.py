@@ -65,7 +65,7 @@ class LoopState(msgspec.Struct, frozen=True):
         return np.frombuffer(self.world)
 
 
-class Told(msgspec.Struct, frozen=True):
+class LoopAnswer(msgspec.Struct, frozen=True):
     """The loop's answer: number of the last command taken, its refusal if any, the report of the motion.
 
     `look`: a look at the motion is due; the state that was published before this is that of its time.
@@ -91,7 +91,7 @@ class Timing(msgspec.Struct, frozen=True):
 
 
 _STATE = msgspec.msgpack.Decoder(LoopState).decode
-_TOLD = msgspec.msgpack.Decoder(Told).decode
+_TOLD = msgspec.msgpack.Decoder(LoopAnswer).decode
 _TIMING = msgspec.msgpack.Decoder(Timing).decode
 _COMMAND = msgspec.msgpack.Decoder(LoopCommand).decode
 
@@ -117,10 +117,10 @@ class AgentLink:
         found = self.file.slots["state"].read()
         return _STATE(found[1]) if found else None
 
-    def told(self) -> Told:
+    def told(self) -> LoopAnswer:
         """Return what the loop told last."""
         found = self.file.slots["told"].read()
-        return _TOLD(found[1]) if found else Told()
+        return _TOLD(found[1]) if found else LoopAnswer()
 
     def sealed_truth(self) -> bytes:
         """Return the newest truth, encoded, for the monitor; the agent must not read it. Empty if there is none."""

@@ -23,7 +23,7 @@ import numpy as np
 from companion.languages.facts import Kind, fact
 from companion.skills.loop_messages import Cancel, LookAgain, Mode, Motion, Phase, Refusal, Release
 from services.executor.loop.core import LoopCore
-from services.executor.loop.link import LoopLink, LoopState, Told
+from services.executor.loop.link import LoopAnswer, LoopLink, LoopState
 from services.executor.loop.memory import Keeper
 from services.executor.loop.timing import Pacer
 from velma.sim.truth import TruthReader
@@ -111,7 +111,7 @@ class LoopProcess:
         self.core, self._link, self._speed, self._truth, self._pacer = core, link, speed, truth, pacer
         self._keeper, self._still = keeper, still
         self._stirred, self._unrest = stirred, 0
-        self._told, self._shown = Told(), core.mode
+        self._told, self._shown = LoopAnswer(), core.mode
         self._beat, self._silent = link.heartbeat(), 0
         if self.restored:
             core.cancel()
@@ -209,7 +209,7 @@ class LoopProcess:
                 self.core.release()
             case msgspec.DecodeError():
                 refusal = Refusal((fact(Kind.BAD_COMMAND, "command"),), f"not a command: {command}")
-        self._told = Told(number, refusal, self.core.report)
+        self._told = LoopAnswer(number, refusal, self.core.report)
         self._publish()
 
     def _listen(self) -> None:

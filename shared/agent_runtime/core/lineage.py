@@ -124,7 +124,7 @@ def forget_soft(state: CoreState, peer: str, why: str) -> None:
             state.lost[key] = Lost(held, why)
 
 
-def told(state: CoreState, key: str) -> Lost:
+def note_lost(state: CoreState, key: str) -> Lost:
     """Note that the behaviour is told of a lost conversation now, and forget the oldest ones it was told of."""
     lost = state.lost.pop(key)
     old = [name for name, one in state.lost.items() if one.told]

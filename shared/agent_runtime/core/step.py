@@ -267,7 +267,7 @@ class Core(Generic[M]):
         elif choice.late is not None:
             self._take_late(state, out, choice.late, now)
         elif choice.lost:
-            lost = lineage.told(state, choice.lost)
+            lost = lineage.note_lost(state, choice.lost)
             out.durable = True
             talk = lost.held.conversation
             out.about = self.wiring.required(talk.peer, talk.protocol).use

@@ -85,6 +85,6 @@ def tasks() -> dict[str, tuple[Argument, ...]]:
     return {name: kinds for row in rows() for name, kinds in row.tasks.items()}
 
 
-def things(task: str, arguments: tuple[str, ...]) -> tuple[str, ...]:
+def object_arguments(task: str, arguments: tuple[str, ...]) -> tuple[str, ...]:
     """The arguments of a task that are things."""
     return tuple(one for one, kind in zip(arguments, tasks()[task], strict=True) if kind is Argument.THING)

@@ -306,7 +306,7 @@ def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
     return (task.name, *arguments)
 
 
-def _thing(asking: Asking, word: str) -> str:
+def _first_object(asking: Asking, word: str) -> str:
     """The first thing that km knows by this id or kind; "" stays. Raise NotSeen with km's reason."""
     if not word:
         return word
@@ -338,7 +338,7 @@ def _place(asking: Asking, word: str) -> str:
 
 
 _WORDS: dict[Argument, Callable[[Asking, str], str]] = {
-    Argument.THING: _thing,
+    Argument.THING: _first_object,
     Argument.SIDE: _side,
     Argument.PLACE: _place,
 }

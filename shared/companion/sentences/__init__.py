@@ -131,7 +131,7 @@ def failure(why: Facts, language: str) -> str:
 
 def claimed(claim: AnyClaim, of: str) -> str:
     """A claim about a thing in the operator's words."""
-    return catalogue(Reader.OPERATOR).claim[claim].format(a=_thing(of, Reader.OPERATOR))
+    return catalogue(Reader.OPERATOR).claim[claim].format(a=_object_forms(of, Reader.OPERATOR))
 
 
 def state(name: str, language: str) -> str:
@@ -141,7 +141,7 @@ def state(name: str, language: str) -> str:
 
 def step(one: Step, reader: Reader) -> str:
     """A step of a plan in words; one that this version does not know by its names."""
-    things = [_thing(name, reader) for name in one.things]
+    things = [_object_forms(name, reader) for name in one.things]
     side = _forms(catalogue(reader).side[one.side] if one.side else ("",) * 5)
     says = catalogue(reader).step.get(one.does)
     if says is None:
@@ -160,22 +160,22 @@ def place(at: Place, reader: Reader) -> str:
 def please(at: Place, reader: Reader) -> str:
     """What a person is asked to do where a plan is; "" for nothing."""
     says = catalogue(reader).please.get(at.act, "")
-    things = [_thing(name, reader) for name in at.step.things] if at.step is not None else []
+    things = [_object_forms(name, reader) for name in at.step.things] if at.step is not None else []
     return says.format(**dict(zip("ab", (*things, *(_forms(("",) * 5),) * 2), strict=False)))
 
 
 def happened(name: str, of: tuple[str, ...]) -> str:
     """An event of a run in the operator's words; one that is in no list by its names."""
-    words = [thing(one, Reader.OPERATOR) if _ID.fullmatch(one) else _HUMP.sub(" ", one) for one in of]
+    words = [object_text(one, Reader.OPERATOR) if _ID.fullmatch(one) else _HUMP.sub(" ", one) for one in of]
     says = catalogue(Reader.OPERATOR).event.get(name, name.replace("-", " "))
     used = sum(f"{{{number}}}" in says for number in range(len(words)))
     rest = " ".join(words[used:])
     return f"{says.format(*words, *('',) * 2)}{f': {rest.lower()}' if rest else ''}"
 
 
-def thing(name: str, reader: Reader) -> str:
+def object_text(name: str, reader: Reader) -> str:
     """What a thing is called: jar_1 is the jar, table_2 is table 2."""
-    return format(_thing(name, reader))
+    return format(_object_forms(name, reader))
 
 
 def _sentences(facts: Iterable[Fact], reader: Reader) -> Iterator[str]:
@@ -193,15 +193,15 @@ def _parts(fact: Fact, reader: Reader) -> dict[str, object]:
     for part in fact.kind.parts:
         name, _, of = part.partition(":")
         if name == "things":
-            found[name] = _listed([_thing(one, reader) for one in things], rows)
+            found[name] = _listed([_object_forms(one, reader) for one in things], rows)
         elif name == "side":
             found[name] = _forms(rows.side[fact.side] if fact.side else ("",) * 5)
         elif name in ("a", "b"):
-            found[name] = _thing(next(things, ""), reader)
+            found[name] = _object_forms(next(things, ""), reader)
         elif name in ("x", "y"):
             found[name] = _number(next(numbers, 0.0), of, reader)
         elif name in ("w", "v"):
-            found[name] = _word(next(words, ""), of, reader)
+            found[name] = _listed_text(next(words, ""), of, reader)
     if "a" not in found:
         found["a"] = ""
     for name in ("w", "v"):  # a claim names its thing, a fault its number
@@ -221,17 +221,17 @@ def _joint(words: tuple[str, ...], rows: Catalogue) -> str:
     return f"{rows.joined['many'].join(first)}{rows.joined['two']}{last}" if first else last
 
 
-def _word(word: str, of: str, reader: Reader) -> str:
+def _listed_text(word: str, of: str, reader: Reader) -> str:
     """A word of a list in words, which may name parts of the fact; one that is in no list as it is read."""
     rows = catalogue(reader)
     for known in (getattr(rows, of, {}), rows.process, rows.agent):
         if word in known:
             return str(known[word])
-    plain = str(_thing(word, reader)) if _ID.fullmatch(word) else spaced(word.replace("_", " "))
+    plain = str(_object_forms(word, reader)) if _ID.fullmatch(word) else spaced(word.replace("_", " "))
     return plain.replace("{", "{{").replace("}", "}}")
 
 
-def _thing(name: str, reader: Reader) -> _Forms:
+def _object_forms(name: str, reader: Reader) -> _Forms:
     kind, _, number = name.partition("_")
     forms = catalogue(reader).thing.get(kind, (kind,) * 5)
     if number in ("", "1"):

@@ -75,7 +75,7 @@ def findings(design: Design, file: Path) -> tuple[Finding, ...]:
 def _findings(design: Design, stated: Statements) -> Iterator[Finding]:
     for index, claim in enumerate(stated.claim):
         if not _agree(claim):
-            said = "; ".join(f"{one.where}: {words(one, claim.unit)}" for one in claim.stated)
+            said = "; ".join(f"{one.where}: {statement_text(one, claim.unit)}" for one in claim.stated)
             right = claim.ruling or "state it once, or say under `ruling` what holds"
             yield Finding(Kind.CLAIM, f"claim {claim.name}", said, right, ("claim", index))
     if stated.tally is not None:
@@ -108,7 +108,7 @@ def bounds(one: Statement) -> tuple[float, float] | None:
     return -math.inf if one.least is None else one.least, math.inf if one.most is None else one.most
 
 
-def words(one: Statement, unit: str) -> str:
+def statement_text(one: Statement, unit: str) -> str:
     """A statement as people read it."""
     span = bounds(one)
     if span is None:

@@ -40,7 +40,7 @@ def heard() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def told(stop: Callable[[], None]) -> Iterator[None]:
+def signalled(stop: Callable[[], None]) -> Iterator[None]:
     """Signals only call `stop`, as long as this lasts: who is told goes on to where it can end in order."""
     with _handled(lambda *_: stop(), [number for number in SIGNALS if not _ignored(number)]):
         yield

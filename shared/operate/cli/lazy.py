@@ -78,12 +78,12 @@ class Verbs(TyperGroup):
             finally:
                 sys.stdout.flush()
         except WrongUse as error:
-            sys.exit(_told(error.format_message(), error.exit_code, json=True))
+            sys.exit(_report_problem(error.format_message(), error.exit_code, json=True))
         except OSError as error:
             from operate.cli.output import refused
 
             problem = refused(error)
-            sys.exit(_told(str(problem), problem.code, json=json))
+            sys.exit(_report_problem(str(problem), problem.code, json=json))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """As click does, and a summary becomes the verb. Where there is none it says what there is."""
@@ -216,7 +216,7 @@ def made(name: str, function: Callable[..., None]) -> TyperCommand:
     return command
 
 
-def _told(problem: str, code: int, *, json: bool) -> int:
+def _report_problem(problem: str, code: int, *, json: bool) -> int:
     """Tell a problem, unless standard error is on the disk that is full; its exit code."""
     from operate.cli.output import Format, tell_problem
 

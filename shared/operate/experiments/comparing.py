@@ -14,7 +14,7 @@ import msgspec
 from operate.experiments import intervals
 from operate.experiments.intervals import Difference, Interval
 from operate.experiments.measures import Quantity, Runs, values
-from operate.experiments.run_figures import Result, Said
+from operate.experiments.run_figures import Result, SentMessage
 
 # --- First differences in the exchanges of two runs, aligned by conversation and not by time. Pure -------------------
 # Conversations of the same kind (who opens, to whom, by which protocol, about what) are paired in the order in which
@@ -36,32 +36,34 @@ class Divergence(msgspec.Struct, frozen=True):
     of: str
     conversation: int
     position: int
-    a: Said | None
-    b: Said | None
+    a: SentMessage | None
+    b: SentMessage | None
 
 
-def first(a: Sequence[Said], b: Sequence[Said]) -> Divergence | None:
+def first(a: Sequence[SentMessage], b: Sequence[SentMessage]) -> Divergence | None:
     """The earliest difference by the time at which it was said in A (where only B said it: in B); None: none."""
     differing = list(_differences(conversations(a), conversations(b)))
     return min(differing, key=_when, default=None)
 
 
-def conversations(said: Sequence[Said]) -> dict[Kind, list[list[Said]]]:
+def conversations(said: Sequence[SentMessage]) -> dict[Kind, list[list[SentMessage]]]:
     """All conversations by kind, each kind's in the order of opening."""
-    talks: dict[tuple[str, str], list[Said]] = {}
+    talks: dict[tuple[str, str], list[SentMessage]] = {}
     for one in said:
         talks.setdefault((one.protocol, one.conversation), []).append(one)
-    kinds: dict[Kind, list[list[Said]]] = {}
+    kinds: dict[Kind, list[list[SentMessage]]] = {}
     for talk in talks.values():
         opening = talk[0]
         kinds.setdefault((opening.sender, opening.receiver, opening.protocol), []).append(talk)
     return kinds
 
 
-def _differences(a: dict[Kind, list[list[Said]]], b: dict[Kind, list[list[Said]]]) -> Iterator[Divergence]:
+def _differences(
+    a: dict[Kind, list[list[SentMessage]]], b: dict[Kind, list[list[SentMessage]]]
+) -> Iterator[Divergence]:
     """The first one of each kind."""
     for kind in {**a, **b}:
-        silence: list[Said] = []
+        silence: list[SentMessage] = []
         pairs = zip_longest(a.get(kind, []), b.get(kind, []), fillvalue=silence)
         found = (_in_pair(kind, number, one, other) for number, (one, other) in enumerate(pairs, start=1))
         divergence = next((one for one in found if one is not None), None)
@@ -69,7 +71,7 @@ def _differences(a: dict[Kind, list[list[Said]]], b: dict[Kind, list[list[Said]]
             yield divergence
 
 
-def _in_pair(kind: Kind, number: int, a: Sequence[Said], b: Sequence[Said]) -> Divergence | None:
+def _in_pair(kind: Kind, number: int, a: Sequence[SentMessage], b: Sequence[SentMessage]) -> Divergence | None:
     sender, receiver, protocol = kind
     found: list[Divergence] = []
     for side in (sender, receiver):

@@ -11,7 +11,7 @@ from agent_runtime.io.run_files import replaced, write_whole
 from operate.experiments import page, results, summary, tables
 from operate.experiments.measures import Runs
 from operate.experiments.results import NothingHere
-from operate.experiments.run_figures import Said, said
+from operate.experiments.run_figures import SentMessage, sent_messages
 from operate.recording.run import Run
 from operate.run_folder import TRAFFIC_FILE
 
@@ -73,11 +73,11 @@ def of_runs(runs: Runs) -> pyarrow.Table:
 def _keep_said(place: Path) -> None:
     """Put together what was said in all runs whose recordings are there; of the others what was kept stays."""
     file = place / results.SAID_FILE
-    kept: dict[int, tuple[Said, ...]] = tables.said_in(file) if file.exists() else {}
+    kept: dict[int, tuple[SentMessage, ...]] = tables.said_in(file) if file.exists() else {}
     for one in results.results(place):
         folder = place / results.RUNS / f"seed-{one.seed}"
         if one.seed is not None and one.seed not in kept and (folder / TRAFFIC_FILE).exists():
             run = Run(folder)
-            kept[one.seed] = said(run.history, run.system.words)
+            kept[one.seed] = sent_messages(run.history, run.system.words)
     if kept:
         tables.write_said(file, kept)

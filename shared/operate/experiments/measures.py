@@ -11,7 +11,7 @@ import msgspec
 import pyarrow
 
 from operate.experiments.intervals import Interval
-from operate.experiments.run_figures import Figures, Result, Said
+from operate.experiments.run_figures import Figures, Result, SentMessage
 from operate.quantiles import enough
 from operate.recording.history import History
 from operate.run_folder import ExperimentSetting
@@ -111,7 +111,7 @@ class Runs(msgspec.Struct, frozen=True):
     name: str
     setting: ExperimentSetting | None
     results: tuple[Result[Any], ...]
-    said: dict[int, tuple[Said, ...]]
+    said: dict[int, tuple[SentMessage, ...]]
     measures: Measures
     seeded: bool = True
 

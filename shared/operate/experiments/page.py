@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from operate.experiments import intervals
 from operate.experiments.intervals import Interval
 from operate.experiments.measures import LARGEST, SMALL, Measures, Published, Row, Runs
-from operate.experiments.run_figures import Said
+from operate.experiments.run_figures import SentMessage
 from operate.experiments.summary import RECEIVED, SENT, Summary
 from operate.reports.counts import SMALL_BYTES
 from operate.reports.figures import ACCENT, INK, drawing, in_bytes, mark_of
@@ -31,7 +31,7 @@ POINT_DPI = 110
 
 def sizes(runs: Runs) -> str:
     """Size of each communicate over time, all runs; the mean in steps of time. "" where nothing was said."""
-    told, design = _told(runs), runs.measures.design
+    told, design = _traffic(runs), runs.measures.design
     if not told:
         return ""
     with drawing("all-sizes", 3.9, "Size of each communicate over time, all runs, by channel") as (axes, svg):
@@ -57,7 +57,7 @@ def sizes(runs: Runs) -> str:
 
 def shares(runs: Runs) -> str:
     """Share of the communicates of a run below each size, beside what was published."""
-    told = _told(runs)
+    told = _traffic(runs)
     if not told:
         return ""
     edges = np.logspace(1.8, 6, 120)
@@ -87,12 +87,12 @@ def _published(axes: Axes, published: Published) -> None:
         axes.text(largest, 8, f"{published.by}: largest ", ha="right", color=THEIRS, fontsize=8)
 
 
-def _told(runs: Runs) -> list[tuple[Said, ...]]:
+def _traffic(runs: Runs) -> list[tuple[SentMessage, ...]]:
     """Return the traffic of the successful runs."""
     return [runs.said[one.seed] for one in runs.results if one.success and one.seed in runs.said]
 
 
-def _mean_size(axes: Axes, told: Sequence[tuple[Said, ...]]) -> None:
+def _mean_size(axes: Axes, told: Sequence[tuple[SentMessage, ...]]) -> None:
     """The mean size in steps of time: each run's own mean, then over the runs that said something then."""
     until = max(one.t for said in told for one in said)
     edges = np.linspace(0.0, until, BINS + 1)

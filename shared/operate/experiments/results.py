@@ -8,7 +8,7 @@ import msgspec
 
 from operate.experiments import measures, tables
 from operate.experiments.measures import Runs
-from operate.experiments.run_figures import Figures, Result, Said, said
+from operate.experiments.run_figures import Figures, Result, SentMessage, sent_messages
 from operate.recording.run import opened
 from operate.reports import report
 from operate.run_folder import REPORT_FILE, TRAFFIC_FILE, ExperimentSetting, NothingToRead
@@ -83,7 +83,7 @@ def _experiment(place: Path) -> Runs:
     return Runs(place.name, setting(place), results(place, own.figures), said_there, own)
 
 
-def _single(place: Path) -> tuple[Result[Any], tuple[Said, ...]]:
+def _single(place: Path) -> tuple[Result[Any], tuple[SentMessage, ...]]:
     """A run; its report.json counts where it is there, else one is made of the recording."""
     run, file = opened(place), place / REPORT_FILE
     past, system = run.history, run.system
@@ -94,10 +94,12 @@ def _single(place: Path) -> tuple[Result[Any], tuple[Said, ...]]:
     except msgspec.DecodeError as error:
         raise NothingHere(f"{file} is not a report ({error}); `roco report {place}` makes it again") from error
     failure = None if figures.success else figures.failure or "the report does not say why"
-    return Result(figures.seed, failure, figures, figures.began), said(past, system.words)
+    return Result(figures.seed, failure, figures, figures.began), sent_messages(past, system.words)
 
 
-def _put_together(name: str, singles: list[tuple[Result[Any], tuple[Said, ...]]], own: measures.Measures) -> Runs:
+def _put_together(
+    name: str, singles: list[tuple[Result[Any], tuple[SentMessage, ...]]], own: measures.Measures
+) -> Runs:
     """Runs whose seeds do not tell them apart are numbered instead."""
     seeds = [result.seed for result, _ in singles]
     seeded = None not in seeds and len(set(seeds)) == len(seeds)

@@ -77,7 +77,7 @@ class Result(msgspec.Struct, Generic[F], frozen=True):
 _NUMBERS = re.compile(r"\d+(\.\d+)?")
 
 
-class Said(msgspec.Struct, frozen=True):
+class SentMessage(msgspec.Struct, frozen=True):
     """A communicate. `t`: s after the first one; `kind`: class of its content; `text`: its content in a few words."""
 
     t: float
@@ -99,11 +99,11 @@ class Said(msgspec.Struct, frozen=True):
         return self.sender, self.receiver, self.protocol, self.performative, self.kind, _NUMBERS.sub("#", self.text)
 
 
-def said(history: History, words: Callable[[object], str]) -> tuple[Said, ...]:
+def sent_messages(history: History, words: Callable[[object], str]) -> tuple[SentMessage, ...]:
     """Return the communicates of a history in the order of time; `words`: a content in a few words."""
     return tuple(
         alike(
-            Said,
+            SentMessage,
             one,
             t=one.received - history.begin,
             kind="" if one.content is None else type(one.content).__name__,

@@ -13,7 +13,7 @@ from pyarrow import csv, parquet
 
 from agent_runtime.io.run_files import replaced
 from operate.experiments.measures import of
-from operate.experiments.run_figures import Said, said
+from operate.experiments.run_figures import SentMessage, sent_messages
 from operate.recording.history import History
 from operate.reports.report import Busy, busy
 from operate.system import System
@@ -26,7 +26,10 @@ _TYPES = {float: pyarrow.float64(), int: pyarrow.int64(), str: pyarrow.string()}
 def of_history(history: History, system: System) -> dict[str, pyarrow.Table]:
     """Return the tables of a run by name; one without rows has its columns all the same."""
     own = of(system).tables
-    made = {"communicates": of_rows(Said, said(history, system.words)), "states": of_rows(Busy, busy(history))}
+    made = {
+        "communicates": of_rows(SentMessage, sent_messages(history, system.words)),
+        "states": of_rows(Busy, busy(history)),
+    }
     return made if own is None else made | own(history)
 
 
@@ -50,20 +53,20 @@ def write(tables: Mapping[str, pyarrow.Table], folder: Path, to: str) -> tuple[P
     return tuple(files.values())
 
 
-def write_said(file: Path, by_seed: Mapping[int, Sequence[Said]]) -> None:
+def write_said(file: Path, by_seed: Mapping[int, Sequence[SentMessage]]) -> None:
     """Write the traffic of several runs into one Parquet file with a column for the seed."""
     rows = [(seed, row) for seed in sorted(by_seed) for row in by_seed[seed]]
-    told = of_rows(Said, (row for _, row in rows))
+    told = of_rows(SentMessage, (row for _, row in rows))
     numbered = told.add_column(0, SEED, pyarrow.array([seed for seed, _ in rows], pyarrow.int64()))
     with replaced(file) as written:
         parquet.write_table(numbered, written, compression="zstd")
 
 
-def said_in(file: Path) -> dict[int, tuple[Said, ...]]:
+def said_in(file: Path) -> dict[int, tuple[SentMessage, ...]]:
     """Return the contents of a file of write_said, by seed."""
-    found: dict[int, list[Said]] = {}
+    found: dict[int, list[SentMessage]] = {}
     for row in parquet.read_table(file).to_pylist():
-        found.setdefault(row.pop(SEED), []).append(msgspec.convert(row, Said))
+        found.setdefault(row.pop(SEED), []).append(msgspec.convert(row, SentMessage))
     return {seed: tuple(rows) for seed, rows in found.items()}
 
 

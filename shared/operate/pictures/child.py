@@ -222,7 +222,7 @@ class Child:
             case wire.Heard(sample=sample) if not self._past.has(sample.at):
                 for happening in self._reader.read(understood(sample, self._system)):
                     self._draw(happening)
-            case wire.Said(judged=judged) if not self._past.judged(judged):
+            case wire.ShownVerdict(judged=judged) if not self._past.judged(judged):
                 self._draw(Happening(judged.t, judged))
             case wire.Missed(at=at, samples=count):
                 self._draw(Happening(at, Lost(count)))

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from agent_runtime.io.tap import Sample
 from operate.pictures.viewer_address import SWITCH, Place, opened, tell, wanted
-from operate.pictures.wire import Heard, Item, Missed, Said, Since, encode, framed
+from operate.pictures.wire import Heard, Item, Missed, ShownVerdict, Since, encode, framed
 from operate.run_folder import Judged
 from operate.system import System
 
@@ -123,7 +123,7 @@ class Feed:
 
     def said(self, judged: Judged) -> None:
         """Show a verdict. Never waits."""
-        self._put(Said(judged), SAID_BYTES + len(judged.text) + len(judged.why) + len(judged.key))
+        self._put(ShownVerdict(judged), SAID_BYTES + len(judged.text) + len(judged.why) + len(judged.key))
 
     def close(self) -> None:
         """End the child, in order where it follows, else by kill. Once more changes nothing."""

@@ -74,7 +74,7 @@ def scalars(values: list[Sequence[float]]) -> Any:
     return rr.Scalars.columns(scalars=np.concatenate(values)).partition([len(value) for value in values])
 
 
-def words(values: list[tuple[str, str, Colour]]) -> Any:
+def log_lines(values: list[tuple[str, str, Colour]]) -> Any:
     """(Text, level, colour) each: lines of a log."""
     texts, levels, colours = zip(*values, strict=True)
     return rr.TextLog.columns(text=texts, level=levels, color=colours)

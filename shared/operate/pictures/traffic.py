@@ -7,7 +7,7 @@ import rerun as rr
 
 from operate.pictures.colours import FRESH, GREY, ORANGE, RED, between, channel
 from operate.pictures.happenings import Happening, Lost
-from operate.pictures.sheet import Colour, Sheet, flat_arrows, nodes, scalars, words
+from operate.pictures.sheet import Colour, Sheet, flat_arrows, log_lines, nodes, scalars
 from operate.recording.history import Entered
 from operate.recording.records import Spoken
 from operate.run_folder import Judged
@@ -45,7 +45,7 @@ class Log:
     def _add(self, at: float, name: str, text: str, level: str) -> None:
         colours: dict[str, Colour] = {"ERROR": RED, "WARN": ORANGE, "DEBUG": GREY}
         where = name if name in self._channels else OTHER
-        self._sheet.add(f"communicates/{where}", words, at, (text, level, colours.get(level, channel(name))))
+        self._sheet.add(f"communicates/{where}", log_lines, at, (text, level, colours.get(level, channel(name))))
 
 
 class Sizes:

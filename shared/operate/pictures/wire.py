@@ -16,7 +16,7 @@ class Heard(msgspec.Struct, frozen=True, tag="s"):
     sample: Sample
 
 
-class Said(msgspec.Struct, frozen=True, tag="v"):
+class ShownVerdict(msgspec.Struct, frozen=True, tag="v"):
     """A verdict."""
 
     judged: Judged
@@ -35,7 +35,7 @@ class Since(msgspec.Struct, frozen=True, tag="b"):
     at: float
 
 
-Item = Heard | Said | Missed | Since
+Item = Heard | ShownVerdict | Missed | Since
 encode = msgspec.msgpack.Encoder().encode
 _decode = msgspec.msgpack.Decoder(Item).decode
 

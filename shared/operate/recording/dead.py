@@ -103,7 +103,7 @@ def _turned_away(run: Path, said: Mapping[tuple[str, str, str], Spoken]) -> Iter
     for path in sorted((run / LOGS).glob("*.jsonl")):
         for line in _lines(path):
             if line.event in TURNED_AWAY:
-                yield _told(line, TURNED_AWAY[line.event], said.get((line.sender, line.agent, line.id)))
+                yield _dead_letter(line, TURNED_AWAY[line.event], said.get((line.sender, line.agent, line.id)))
             elif TOO_LONG in line.why:
                 why = line.why.rpartition(TOO_LONG)[2].strip()
                 yield DeadLetter(line.t, Dead.TOO_LARGE, why, sender=line.agent)
@@ -121,7 +121,7 @@ def _lines(path: Path) -> Iterator[_Line]:
                 continue
 
 
-def _told(line: _Line, reason: Dead, said: Spoken | None) -> DeadLetter:
+def _dead_letter(line: _Line, reason: Dead, said: Spoken | None) -> DeadLetter:
     return alike(
         DeadLetter,
         line,

@@ -47,7 +47,7 @@ from operate.system import System
 RECEIPT = "receipt"
 
 
-class Told(msgspec.Struct, frozen=True):
+class HeardReceipt(msgspec.Struct, frozen=True):
     """A receipt of `owner` that came by, for communicates of `peer`."""
 
     at: float
@@ -85,7 +85,7 @@ def of(records: Iterable[Record]) -> dict[str, Hearing]:
     return {agent: Hearing(said[agent], tuple(lives[agent])) for agent in {*said, *lives}}
 
 
-def receipts(houses: Iterable[House]) -> Iterator[Told]:
+def receipts(houses: Iterable[House]) -> Iterator[HeardReceipt]:
     """Yield the receipts among samples; one that cannot be read is left out."""
     for house in houses:
         if house.kind == RECEIPT:
@@ -93,7 +93,7 @@ def receipts(houses: Iterable[House]) -> Iterator[Told]:
                 receipt = msgspec.msgpack.decode(house.data, type=Receipt)
             except UNREADABLE:
                 continue
-            yield Told(house.received, house.owner, house.peer, receipt)
+            yield HeardReceipt(house.received, house.owner, house.peer, receipt)
 
 
 # --- The record of a run as its agents keep it ------------------------------------------------------------------------

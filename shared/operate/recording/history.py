@@ -14,7 +14,7 @@ from fipa_codec.communicate import UNREADABLE
 from operate.fault_lines import done
 from operate.judging import judged
 from operate.recording import ends
-from operate.recording.ends import Hearing, Told, receipts
+from operate.recording.ends import HeardReceipt, Hearing, receipts
 from operate.recording.records import (
     FAULT,
     SETTING,
@@ -63,7 +63,7 @@ class History(msgspec.Struct, frozen=True):
 
     said: tuple[Spoken, ...] = ()
     copies: tuple[Spoken, ...] = ()
-    receipts: tuple[Told, ...] = ()
+    receipts: tuple[HeardReceipt, ...] = ()
     hearing: dict[str, Hearing] = {}
     told: tuple[tuple[float, Any], ...] = ()
     entered: tuple[Entered, ...] = ()

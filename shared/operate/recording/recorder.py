@@ -349,7 +349,7 @@ class Recorder:
                 self._feed.said(one)
             if one.violation:
                 self._live_file.write(msgspec.json.encode(_against(one)) + b"\n")
-                self._say("not as designed", level="warning", **_told(one))
+                self._say("not as designed", level="warning", **_verdict_fields(one))
 
     def _sum_up(self, now: float) -> None:
         """Tell how many more violations of a kind there were than were told singly."""
@@ -360,7 +360,7 @@ class Recorder:
             one = msgspec.structs.replace(kind, t=time.time(), why=why)
             self._verdicts.write(encoded(one))
             self._live_file.write(msgspec.json.encode(_against(one)) + b"\n")
-            self._say("not as designed", level="warning", **_told(one))
+            self._say("not as designed", level="warning", **_verdict_fields(one))
 
 
 _OTHERS = Judged(t=0.0, verdict=Verdict.MALFORMED, bytes=0, why="others", violation=True)
@@ -375,7 +375,7 @@ def _against(one: Judged) -> Against:
     return Against(one.t, one.verdict, one.channel, one.sender, one.receiver, one.performative, one.why)
 
 
-def _told(one: Judged) -> dict[str, str]:
+def _verdict_fields(one: Judged) -> dict[str, str]:
     return {name: getattr(one, name) for name in TOLD if getattr(one, name)}
 
 

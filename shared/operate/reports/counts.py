@@ -15,7 +15,7 @@ import numpy as np
 from fipa_codec.communicate import number_of
 from fipa_codec.performatives import Performative
 from operate.quantiles import tail
-from operate.recording.ends import Told
+from operate.recording.ends import HeardReceipt
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from topdown.model.design import Design
@@ -186,8 +186,8 @@ def _receipted(history: History, design: Design) -> Callable[[Spoken], float | N
     return measure
 
 
-def _by_pair(receipts: Iterable[Told]) -> dict[tuple[str, str], list[Told]]:
-    found: dict[tuple[str, str], list[Told]] = defaultdict(list)
+def _by_pair(receipts: Iterable[HeardReceipt]) -> dict[tuple[str, str], list[HeardReceipt]]:
+    found: dict[tuple[str, str], list[HeardReceipt]] = defaultdict(list)
     for one in receipts:
         found[one.owner, one.peer].append(one)
     return found

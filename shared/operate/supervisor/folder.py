@@ -233,7 +233,7 @@ def left(run: Path, processes: tuple[Process, ...]) -> dict[str, Left]:
         try:
             one = Left(int(pid_file(run, process.name).read_text()))
             # A number that somebody else uses again is not of a process that runs this module in this folder.
-            if process.module in proc.words(one.pid) and variables(one.pid).get(RUN_FOLDER_VARIABLE) == str(run):
+            if process.module in proc.command_line(one.pid) and variables(one.pid).get(RUN_FOLDER_VARIABLE) == str(run):
                 found[process.name] = one
         except (OSError, ValueError):
             continue

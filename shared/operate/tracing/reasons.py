@@ -56,13 +56,13 @@ def record(one: Message) -> str:
     return f"{one.channel} {one.sender} > {one.receiver} {one.performative}, id {one.id}"
 
 
-def told(one: Message) -> Fact:
+def message_fact(one: Message) -> Fact:
     """Return that something was said, with its reason or its content in a few words."""
-    said = f": {words(one)}" if words(one) else ""
+    said = f": {content_text(one)}" if content_text(one) else ""
     return Fact(one.sent, f"{one.sender} said {one.performative} to {one.receiver}{said}", record(one))
 
 
-def words(one: Message) -> str:
+def content_text(one: Message) -> str:
     """Return the content of a communicate in a few words, with the whole reason where it gives one."""
     return ": ".join(filter(None, (one.text, one.reason)))
 
@@ -71,7 +71,7 @@ def ending(trace: Trace, span: Span) -> Passage:
     """Return what led to the end of a conversation, or to its newest message: the end first, then its causes."""
     chain = list(_chain(trace.messages, span.last, span.messages[0].identity))
     shown = [one for n, one in enumerate(chain) if n < 2 or notable(one) or n == len(chain) - 1]
-    facts = [_because(told(one), one, chain, n) for n, one in enumerate(shown[:MOST])]
+    facts = [_because(message_fact(one), one, chain, n) for n, one in enumerate(shown[:MOST])]
     first = chain[-1]
     event, _, about = first.event.partition(" ")
     if first.cause is None and event in EVENTS:

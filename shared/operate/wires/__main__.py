@@ -39,7 +39,7 @@ async def forward(options: Options) -> int:
     if (listed := files.listed(options.connect, options.agents, options.listen)) is not None:
         options.run_dir.mkdir(parents=True, exist_ok=True)
         files.tell(options.run_dir, listed)
-    wires = files.told(options.run_dir)
+    wires = files.wires_of(options.run_dir)
     if wires is None:
         print(f"{options.run_dir} has no {files.WIRES_FILE}; the supervisor writes it (`roco up --faults`)", flush=True)
         return 1

@@ -56,7 +56,7 @@ class Conditions(msgspec.Struct, frozen=True):
 KINDS = Conditions.__struct_fields__
 
 
-def told(run: Path) -> Wires | None:
+def wires_of(run: Path) -> Wires | None:
     """Return the wires of a run; None where its agents speak to the router without a proxy."""
     try:
         return msgspec.json.decode((run / WIRES_FILE).read_bytes(), type=Wires)

@@ -104,7 +104,7 @@ def _entries(design: Design) -> Entries:
     found: Entries = {}
     for kind, value in msgspec.json.decode(msgspec.json.encode(design.file)).items():
         if isinstance(value, dict):
-            found[kind, ""] = {field: _words(some, field) for field, some in value.items()}
+            found[kind, ""] = {field: _value_text(some, field) for field, some in value.items()}
         for number, entry in enumerate(value if isinstance(value, list) else [], start=1):
             name = next((str(entry[field]) for field in _NAMES if field in entry), str(number))
             _take(found, kind, name, entry)
@@ -117,7 +117,7 @@ def _take(found: Entries, kind: str, name: str, entry: dict[str, Any]) -> None:
     if kind == "agent":
         fields |= {f"arcs of {state}": arcs for state, arcs in _arcs(fields.pop("arc")).items()}
         for row in fields.pop("row"):
-            found["row", f"{name}: {_words(row)}"] = {}
+            found["row", f"{name}: {_value_text(row)}"] = {}
     part, inner = _NESTED.get(kind, ("", ""))
     for one in fields.pop(part, []):
         _add(found, inner, name, one)
@@ -131,7 +131,7 @@ def _add(found: Entries, kind: str, outer: str, entry: Any) -> None:
     while (kind, name) in found:
         count += 1
         name = f"{first} ({count})"
-    found[kind, name] = _plain(entry) if isinstance(entry, dict) else {"is": _words(entry)}
+    found[kind, name] = _plain(entry) if isinstance(entry, dict) else {"is": _value_text(entry)}
 
 
 def _name(kind: str, entry: Any) -> str:
@@ -141,7 +141,7 @@ def _name(kind: str, entry: Any) -> str:
 
 
 def _plain(entry: dict[str, Any]) -> dict[str, str]:
-    return {field: _words(value, field) for field, value in entry.items() if field not in _NAMES}
+    return {field: _value_text(value, field) for field, value in entry.items() if field not in _NAMES}
 
 
 def _arcs(arcs: list[dict[str, Any]]) -> dict[str, str]:
@@ -180,13 +180,13 @@ def _rule(rule: Rule) -> dict[str, str]:
     }
 
 
-def _words(value: Any, field: str = "") -> str:
+def _value_text(value: Any, field: str = "") -> str:
     """A value in words; what is a set in the file is put in order."""
     if isinstance(value, dict):
         said = {name: some for name, some in value.items() if some not in ("", [], None, False)}
-        return ", ".join(f"{name} {_words(some, name)}" for name, some in said.items())
+        return ", ".join(f"{name} {_value_text(some, name)}" for name, some in said.items())
     if isinstance(value, list):
-        words = [f"[{_words(some)}]" if isinstance(some, list) else _words(some) for some in value]
+        words = [f"[{_value_text(some)}]" if isinstance(some, list) else _value_text(some) for some in value]
         return ", ".join(sorted(words) if field in _SETS else words)
     if isinstance(value, bool):
         return str(value).lower()

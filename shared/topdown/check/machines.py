@@ -9,7 +9,7 @@ from topdown.model.design import Design
 from topdown.model.errors import DesignError, ParameterError
 from topdown.model.findings import Finding, Kind
 from topdown.model.loading import Path_
-from topdown.model.machines import Cause, Machine, Row, Said
+from topdown.model.machines import Cause, Machine, ProtocolAct, Row
 from topdown.model.parameters import COUNTABLE, Parameters
 
 
@@ -185,7 +185,7 @@ def row_findings(design: Design) -> Iterator[Finding]:
         except DesignError as error:
             yield Finding(Kind.BAD_ROW, error.field, error.wrong, error.right, ("agent", index, "row"))
     heard = tuple(messages(design))
-    said = {_act(word) for machine in compiled.values() for row in machine.rows for word in _said(row)}
+    said = {_act(word) for machine in compiled.values() for row in machine.rows for word in _acts_of(row)}
     spoken = {one.use.name for one in heard if one.sender == one.use.initiator and _of(one) in said}
     for index, agent in enumerate(design.file.agent):
         machine = compiled.get(agent.name)
@@ -211,7 +211,7 @@ def _ends(agent: elements.Agent, machine: Machine, heard: Iterable[Heard], spoke
     """Messages that no row says, or takes. A message's `ruling` answers for it, and the `ruling` of a protocol for all
     of its messages where its initiator says none of them (not `spoken`).
     """
-    says = {_act(word) for row in machine.rows for word in _said(row)}
+    says = {_act(word) for row in machine.rows for word in _acts_of(row)}
     takes = {_act(word) for row in machine.rows for word in _taken(row)}
     for one in heard:
         if one.message.ruling or (one.use.ruling and one.use.name not in spoken):
@@ -233,7 +233,7 @@ def _unlisted(agent: elements.Agent, machine: Machine, heard: Iterable[Heard], i
         at: Path_ = ("agent", index, "row", row.number - 1)
         where = f"agent {agent.name}, row {row.number}"
         for words, known, kind, verb in (
-            (_said(row), out, Kind.SENT_NOT_RECEIVED, "says"),
+            (_acts_of(row), out, Kind.SENT_NOT_RECEIVED, "says"),
             (_taken(row), into, Kind.RECEIVED_NOT_SENT, "takes"),
         ):
             for word in words:
@@ -243,18 +243,20 @@ def _unlisted(agent: elements.Agent, machine: Machine, heard: Iterable[Heard], i
                     yield Finding(kind, where, f"{verb} {word.use} {word.act}, which no message lists", "list it", at)
 
 
-def _said(row: Row) -> list[Said]:
+def _acts_of(row: Row) -> list[ProtocolAct]:
     """Everything a row may say; an observation that is owed is an inform."""
-    owed = [Said(use, Performative.INFORM, row.event.kind) for use in row.owes]
+    owed = [ProtocolAct(use, Performative.INFORM, row.event.kind) for use in row.owes]
     return [*row.say, *row.may, *owed]
 
 
-def _taken(row: Row) -> list[Said]:
+def _taken(row: Row) -> list[ProtocolAct]:
     event = row.event
-    return [Said(event.name, event.act, event.kind)] if event.cause is Cause.TAKE and event.act is not None else []
+    return (
+        [ProtocolAct(event.name, event.act, event.kind)] if event.cause is Cause.TAKE and event.act is not None else []
+    )
 
 
-def _act(word: Said) -> tuple[str, Performative]:
+def _act(word: ProtocolAct) -> tuple[str, Performative]:
     """Use and act, whatever the guard word."""
     return word.use, word.act
 

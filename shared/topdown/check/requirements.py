@@ -52,7 +52,7 @@ class Traced(msgspec.Struct, frozen=True):
         return all(one.shown is Shown.MISSING for one in self.evidence)
 
 
-class Said(msgspec.Struct, frozen=True):
+class EvidenceMessage(msgspec.Struct, frozen=True):
     """A communicate named as evidence: "USE act" or "USE act CLASS"."""
 
     use: str
@@ -63,12 +63,12 @@ class Said(msgspec.Struct, frozen=True):
 KINDS = ("event", "test", "message")
 
 
-def said(name: str) -> Said:
+def evidence_message(name: str) -> EvidenceMessage:
     """What the words of a message evidence name. Raises ValueError, which says how they are written."""
     parts = name.split()
     if len(parts) not in (2, 3):
         raise ValueError(f"{name!r} names no communicate; write `message:USE act` or `message:USE act LANGUAGE.Class`")
-    return Said(*parts)
+    return EvidenceMessage(*parts)
 
 
 def evidence(word: str) -> Evidence:
@@ -146,7 +146,7 @@ def _looked_for(design: Design, one: Evidence, run: Observed | None, exists: Exi
         return one
     count = run.events.count(one.name) if one.kind == "event" else 0
     if one.kind == "message":
-        wanted = said(one.name)
+        wanted = evidence_message(one.name)
         for heard in run.communicates:
             use = use_of(design, heard)
             if use is not None and (use.name, heard.performative) == (wanted.use, wanted.act):
@@ -154,7 +154,7 @@ def _looked_for(design: Design, one: Evidence, run: Observed | None, exists: Exi
     return msgspec.structs.replace(one, shown=Shown.SEEN if count else Shown.MISSING, count=count)
 
 
-def known(design: Design, wanted: Said) -> bool:
+def known(design: Design, wanted: EvidenceMessage) -> bool:
     """Whether the design has such a communicate at all."""
     rules = [rule for rule in design.rules.values() if rule.use == wanted.use and rule.performative == wanted.act]
     acts = {str(act) for act in Performative}
@@ -199,7 +199,7 @@ def _evidence(design: Design) -> Iterator[Finding]:
             where, at = f"requirement {entry.id}", ("requirement", index, "evidence")
             try:
                 one = evidence(word)
-                strange = one.kind == "message" and not known(design, said(one.name))
+                strange = one.kind == "message" and not known(design, evidence_message(one.name))
             except ValueError as error:
                 right = "write event:NAME, test:PATH::NAME or message:USE act LANGUAGE.Class"
                 yield Finding(Kind.NO_EVIDENCE, where, str(error).partition(";")[0], right, at)

@@ -89,7 +89,7 @@ DECLINING = frozenset({P.REFUSE, P.FAILURE, P.REJECT_PROPOSAL, P.DISCONFIRM, P.N
 """Acts that say no (SC00037J): their branches stand behind the others."""
 
 
-class Said(msgspec.Struct, frozen=True, tag=True):
+class Sending(msgspec.Struct, frozen=True, tag="Said"):  # documents have this word
     """One side says one of these; `words`: performatives with their guard words."""
 
     sender: Role
@@ -111,7 +111,7 @@ class Frame(msgspec.Struct, frozen=True, tag=True):
     branches: tuple[tuple["Part", ...], ...]
 
 
-Part = Said | Remark | Frame
+Part = Sending | Remark | Frame
 
 
 class Exchange(msgspec.Struct, frozen=True):
@@ -156,7 +156,7 @@ class _Writer:
         self.referred |= {place for places in sources.values() for place in places}
         whiles: dict[tuple[Part, ...], list[Place]] = {}
         for (said, place), found in targets.items():
-            after = (*_said(found[:1]), *self._line(place, ()))
+            after = (*_sendings(found[:1]), *self._line(place, ()))
             whiles.setdefault(after, []).extend(sources[said, place])
         for after, places in whiles.items():
             yield Frame("opt", f"while {' or '.join(name_of(place) for place in places)}", (after,))
@@ -187,7 +187,7 @@ class _Writer:
         """One or two messages and the end, written once more."""
         parts: list[Part] = []
         while self.main[place]:
-            parts += _said(list(self.main[place]))
+            parts += _sendings(list(self.main[place]))
             place = self.main[place][0].to
         return [*parts, self._end(place)]
 
@@ -196,7 +196,7 @@ class _Writer:
         first: list[Part] = []
         here, passed = place, {place}
         while len(self.main[here]) == 1 and not self._rests(here):
-            first += _said(list(self.main[here]))
+            first += _sendings(list(self.main[here]))
             here = self.main[here][0].to
             if here in passed or here in heads:
                 return [], place
@@ -214,12 +214,12 @@ class _Writer:
             inside = (*heads, place)
             again = [Frame("loop", "", (tuple(self._either(_grouped(loops), inside)),))] if loops else []
             rest = self._either(_grouped([e for e in self.main[place] if e.to != place]), heads)
-            line: list[Part] = [Frame("opt", "", ((*_said(detour), self._mark(place), *again),)), *rest]
+            line: list[Part] = [Frame("opt", "", ((*_sendings(detour), self._mark(place), *again),)), *rest]
             return _alternatives([line, *(self._branch(group, heads) for group in others)])
         return _alternatives([self._branch(group, heads) for group in groups])
 
     def _branch(self, group: list[Edge], heads: tuple[Place, ...]) -> list[Part]:
-        return [*_said(group), *self._line(group[0].to, heads)]
+        return [*_sendings(group), *self._line(group[0].to, heads)]
 
     def _shortcut(
         self, groups: list[list[Edge]], heads: tuple[Place, ...]
@@ -296,10 +296,10 @@ def _grouped(edges: list[Edge]) -> list[list[Edge]]:
     return sorted(groups.values(), key=lambda group: all(e.sent.performative in DECLINING for e in group))
 
 
-def _said(edges: list[Edge]) -> tuple[Said, ...]:
+def _sendings(edges: list[Edge]) -> tuple[Sending, ...]:
     words = tuple(edge.sent.word for edge in edges)
     acts = tuple(dict.fromkeys(edge.sent.performative for edge in edges))
-    return (Said(edges[0].sender, words, acts),) if edges else ()
+    return (Sending(edges[0].sender, words, acts),) if edges else ()
 
 
 def _alternatives(branches: list[list[Part]]) -> list[Part]:

@@ -8,7 +8,7 @@ from topdown.draw import exchange as exchanges
 from topdown.draw import sequence
 from topdown.draw.canvas import Canvas
 from topdown.draw.document import Figure, Grid, Section, listed, rulings
-from topdown.draw.exchange import Exchange, Part, Said, Sayable, exchange, spoken
+from topdown.draw.exchange import Exchange, Part, Sayable, Sending, exchange, spoken
 from topdown.draw.system import seconds, size
 from topdown.model.design import Design
 from topdown.model.elements import Message
@@ -81,7 +81,7 @@ def diagram(
     def rows(parts: tuple[Part, ...]) -> tuple[sequence.Row, ...]:
         found: list[sequence.Row] = []
         for part in parts:
-            if isinstance(part, Said):
+            if isinstance(part, Sending):
                 ends = cast if part.sender is Role.INITIATOR else cast[::-1]
                 *first, last = part.words
                 label = f"{', '.join(first)} or {last}" if first else last
@@ -95,7 +95,7 @@ def diagram(
     return sequence.Diagram(title, cast, rows(found.parts))
 
 
-def _detail(said: Said, carried: Carried) -> str:
+def _detail(said: Sending, carried: Carried) -> str:
     """The content of these acts in words: languages, and classes of each."""
     languages: dict[str, dict[str, None]] = {}
     for act in said.acts:

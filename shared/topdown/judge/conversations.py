@@ -12,7 +12,7 @@ from fipa_codec.communicate import Communicate, number_of
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
-from topdown.judge.follow import Followed, Said
+from topdown.judge.follow import Followed, TableMessage
 from topdown.judge.verdicts import Heard, Verdict
 from topdown.model import elements
 from topdown.model.design import Design, Rule
@@ -99,7 +99,7 @@ class Talk:
             return True
         return now < self.at + (ENDED_S if self.followed.ended else QUIET_S)
 
-    def read(self, entry: Entry) -> Said | str:
+    def read(self, entry: Entry) -> TableMessage | str:
         """The communicate as the tables see it, or what is wrong with its labels."""
         assert self.followed is not None
         one = entry.communicate
@@ -131,12 +131,12 @@ class Talk:
         assert self.followed is not None
         self.followed.doubt(self.role(entry.communicate.sender), self._at_a_guess(entry))
 
-    def _at_a_guess(self, entry: Entry) -> Said:
+    def _at_a_guess(self, entry: Entry) -> TableMessage:
         """The communicate as the tables see it, or with any use that it may have if its labels tell none."""
         one, said = entry.communicate, self.read(entry)
         if isinstance(said, str):
             kinds = tuple(Kind) if one.performative is Performative.CONFIRM else entry.kinds
-            return Said(one.performative, kinds, one.reply_with)
+            return TableMessage(one.performative, kinds, one.reply_with)
         return said
 
     def timed(self, entry: Entry) -> tuple[Verdict, str]:

@@ -24,7 +24,7 @@ BEGIN: States = frozenset({START})
 NOWHERE: States = frozenset()
 
 
-class Said(NamedTuple):
+class TableMessage(NamedTuple):
     """A message as tables see it. `kinds`: the uses of its performative it may be (more than one: not known which).
 
     `label`: its m_w; `answers`: its m_t. `sure` False: its receiver may not have taken it (lost, dropped, a copy).
@@ -61,7 +61,7 @@ class Moves:
             found |= more
         return frozenset(found)
 
-    def saying(self, states: States, said: Said) -> States:
+    def saying(self, states: States, said: TableMessage) -> States:
         """The states it may be in after saying this; none: it may not say it."""
         key = (states, said.performative, said.kinds)
         found = self._known.get(key)
@@ -75,7 +75,7 @@ class Moves:
             self._known[key] = found
         return found
 
-    def taking(self, states: States, said: Said, *, sure: bool) -> States:
+    def taking(self, states: States, said: TableMessage, *, sure: bool) -> States:
         """The states it may be in after this message (`sure`: and it took it); none: in none of these it can."""
         key = (states, said.performative, said.kinds, sure)
         found = self._known.get(key)
@@ -89,7 +89,7 @@ class Moves:
         words = {row.word for state in states for row in self.table.allowed(state, SEND)}
         return ", ".join(sorted(words)) or "nothing"
 
-    def _taking(self, state: str, said: Said) -> Iterable[str]:
+    def _taking(self, state: str, said: TableMessage) -> Iterable[str]:
         table, act = self.table, said.performative
         if act is Performative.NOT_UNDERSTOOD or state == NOT_UNDERSTOOD:
             return (self._broken(state, said, RECEIVE),)
@@ -101,7 +101,7 @@ class Moves:
         found = [row.to for row in rows if row is not None]
         return found or ((state,) if over else ())  # an ended role drops a stray
 
-    def _broken(self, state: str, said: Said, way: Way) -> str:
+    def _broken(self, state: str, said: TableMessage, way: Way) -> str:
         """Not-understood ends it, whatever was said in it; as answer to a cancel it is a failed cancel."""
         if state in self.table.ended:
             return state
@@ -126,7 +126,7 @@ class Side:
 
     def __init__(self, moves: Moves) -> None:
         self._moves = moves
-        self._ahead: list[Said] = []
+        self._ahead: list[TableMessage] = []
         self._at: list[States] = [BEGIN]
         self._taken = 0
         self._labels: dict[str, int] = {}
@@ -142,7 +142,7 @@ class Side:
         """Whether it may stay where it likely is for ever."""
         return bool(self.likely & self._moves.table.resting)
 
-    def say(self, said: Said) -> bool:
+    def say(self, said: TableMessage) -> bool:
         """It says this; False, and nothing changes, where it may not in any of its states.
 
         What answers a message by its label is said after that message was taken.
@@ -156,7 +156,7 @@ class Side:
         self.likely = (not said.sure and saying(self.likely, said)) or self._last()
         return True
 
-    def jump(self, said: Said) -> None:
+    def jump(self, said: TableMessage) -> None:
         """It said this although it may not: from here on it may also stand wherever saying it leads."""
         jumped = self._moves.saying(self._moves.table.states, said)
         self._settle([states | jumped for states in self._at])
@@ -169,7 +169,7 @@ class Side:
         self.likely = uncancelled if self.likely <= uncancelled else self._moves.table.states
         self._at = [self.likely]
 
-    def hear(self, said: Said) -> None:
+    def hear(self, said: TableMessage) -> None:
         """The other role said this: it is on its way."""
         self._ahead.append(said)
         self._at.append(self._moves.taking(self._at[-1], said, sure=said.sure))
@@ -219,25 +219,27 @@ class Followed:
     @property
     def states(self) -> tuple[str, str]:
         """States in which initiator and participant likely are, in words."""
-        return _words(self.sides[Role.INITIATOR].likely), _words(self.sides[Role.PARTICIPANT].likely)
+        return _states_text(self.sides[Role.INITIATOR].likely), _states_text(self.sides[Role.PARTICIPANT].likely)
 
     @property
     def ended(self) -> bool:
         """Whether both have ended."""
         return all(side.ended for side in self.sides.values())
 
-    def read(self, role: Role, act: Performative, label: str, answers: str, kinds: tuple[Kind, ...]) -> Said | str:
+    def read(
+        self, role: Role, act: Performative, label: str, answers: str, kinds: tuple[Kind, ...]
+    ) -> TableMessage | str:
         """The message as the tables see it, or what is wrong with its labels. `kinds`: the content's own words."""
         asked, uses = self._labels[role.other], self._waiting(role.other, answers)
         if act is Performative.NOT_UNDERSTOOD:
             cancelled = answers != "" and Performative.CANCEL in uses
             kinds = (Kind.CANCEL,) if cancelled else (Kind.PLAIN,)
-            return Said(act, kinds, label, answers if cancelled else "", self.durable)
+            return TableMessage(act, kinds, label, answers if cancelled else "", self.durable)
         if answers and not uses:
             why = "was answered" if answers in asked else "was not asked here"
             return f"it answers {answers!r}, which {why}; asked were {', '.join(asked) or 'none'}"
         if uses and uses.keys() <= self.protocol.rounds and answers not in self._rounds:
-            return f"it answers {answers!r} of an earlier round; this round is {_words(self._rounds)}"
+            return f"it answers {answers!r} of an earlier round; this round is {_states_text(self._rounds)}"
         if not label and needs(self.protocol, act) is Needs.ANY:
             return f"a {act} needs a reply-with, for its answer"
         if act is Performative.CONFIRM:
@@ -249,7 +251,7 @@ class Followed:
             kinds = kinds if act is Performative.INFORM else (Kind.PLAIN,)
             if Performative.CANCEL in uses:  # the label of the cancel, and perhaps of what it cancels; or it had none
                 kinds = (Kind.CANCEL,) if answers and len(uses) == 1 else (*kinds, Kind.CANCEL)
-        return Said(act, kinds, label, answers, self.durable)
+        return TableMessage(act, kinds, label, answers, self.durable)
 
     def mislabelled(self, role: Role, act: Performative, label: str) -> str:
         """Return what is wrong with the label of a repeated message, "" where nothing is (fipa_codec.conversation).
@@ -259,13 +261,13 @@ class Followed:
         """
         need, uses = needs(self.protocol, act), self._labels[role].get(label, {})
         if need is Needs.SAME and self._rounds and label not in self._rounds:
-            return f"asked again with reply-with {label!r}; it was {_words(self._rounds)}"
+            return f"asked again with reply-with {label!r}; it was {_states_text(self._rounds)}"
         used = label != "" and bool(uses.keys() & {Performative.CANCEL, *self.protocol.openings})
         if used and (need is Needs.NEW or (need is Needs.OWN and label not in self._rounds)):
             return f"{act} with reply-with {label!r} again; that was used before"
         return ""
 
-    def take(self, role: Role, said: Said) -> bool:
+    def take(self, role: Role, said: TableMessage) -> bool:
         """`role` says this; False, and nothing changes, where it may not."""
         if not self.sides[role].say(said):
             return False
@@ -278,7 +280,7 @@ class Followed:
         self._pass_on(role, said)
         return True
 
-    def doubt(self, role: Role, said: Said) -> None:
+    def doubt(self, role: Role, said: TableMessage) -> None:
         """`role` said this, but it may count for nothing: it was wrong, or a copy. Both stand where either leads."""
         self.sides[role].jump(said)
         if said.performative in self.protocol.rounds:  # it may have begun one, or not
@@ -290,13 +292,13 @@ class Followed:
         for side in self.sides.values():
             side.lose()
 
-    def guess(self, role: Role, said: Said) -> None:
+    def guess(self, role: Role, said: TableMessage) -> None:
         """`role` says this from wherever it may stand."""
         if not self.sides[role].say(said):
             self.sides[role].jump(said)
         self._pass_on(role, said)
 
-    def repeat(self, role: Role, said: Said) -> None:
+    def repeat(self, role: Role, said: TableMessage) -> None:
         """A copy came by: where no journal numbers it, its receiver may take it once more."""
         if not self.durable:
             self.sides[role].say(said)
@@ -309,7 +311,7 @@ class Followed:
             return uses
         return {act: kinds for act, kinds in uses.items() if act is not Performative.CANCEL}
 
-    def _pass_on(self, role: Role, said: Said) -> None:
+    def _pass_on(self, role: Role, said: TableMessage) -> None:
         if said.label or said.performative is Performative.CANCEL:
             self._labels[role].setdefault(said.label, {}).setdefault(said.performative, said.kinds)
         self.sides[role.other].hear(said)
@@ -324,5 +326,5 @@ def ended(protocol: Protocol, states: tuple[str, str]) -> bool:
 
 
 @lru_cache(maxsize=4096)
-def _words(states: States) -> str:
+def _states_text(states: States) -> str:
     return "|".join(sorted(states))

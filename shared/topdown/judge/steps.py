@@ -9,7 +9,7 @@ from typing import Protocol
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
-from topdown.model.machines import SETTLED, UNSETTLED, Cause, Event, Machine, Row, Said
+from topdown.model.machines import SETTLED, UNSETTLED, Cause, Event, Machine, ProtocolAct, Row
 
 
 class Done(Protocol):
@@ -57,8 +57,8 @@ class Steps(Machine):
             return ""
         if self.fitting(deed):
             return ""
-        said = ", ".join(str(Said(*one)) for one in deed.said) or "nothing"
-        what = str(Said(*deed.took)) if deed.took else deed.event
+        said = ", ".join(str(ProtocolAct(*one)) for one in deed.said) or "nothing"
+        what = str(ProtocolAct(*deed.took)) if deed.took else deed.event
         known = "; ".join(map(str, rows)) or "none"
         return f"in {deed.before} on {what} said {said}, then {deed.after}; rows for it: {known}"
 
@@ -94,7 +94,7 @@ class Steps(Machine):
         return (
             deed.after == (row.to or deed.before)
             and all(self._holds(guard.use, guard.words, deed) for guard in row.when)
-            and _says(row, [Said(*one) for one in deed.said])
+            and _says(row, [ProtocolAct(*one) for one in deed.said])
         )
 
     def _holds(self, use: str, words: frozenset[str], deed: Done) -> bool:
@@ -103,7 +103,7 @@ class Steps(Machine):
         return due in words or not words <= {SETTLED, UNSETTLED}
 
 
-def _says(row: Row, said: list[Said]) -> bool:
+def _says(row: Row, said: list[ProtocolAct]) -> bool:
     """All that the row says, in its order, and nothing besides but what it may say."""
     wanted = list(row.say)
     for one in said:

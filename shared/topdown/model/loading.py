@@ -80,7 +80,7 @@ def _right(path: Path_, wrong: str) -> str:
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         known = ", ".join(field.name for field in msgspec.structs.fields(kind))
         return f"an entry {kind.__name__} has the fields {known}"
-    return f"it must be {_words(kind)}" if kind is not None else f"see topdown.model.elements ({wrong})"
+    return f"it must be {_kind_text(kind)}" if kind is not None else f"see topdown.model.elements ({wrong})"
 
 
 def _step(kind: Any, part: str | int) -> Any:
@@ -94,7 +94,7 @@ def _step(kind: Any, part: str | int) -> Any:
     return next((field.type for field in msgspec.structs.fields(struct) if field.name == part), None)
 
 
-def _words(kind: Any) -> str:
+def _kind_text(kind: Any) -> str:
     return (
         kind.__name__
         if isinstance(kind, type) and not hasattr(kind, "__args__")

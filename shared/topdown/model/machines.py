@@ -40,7 +40,7 @@ class Cause(StrEnum):
     PERSON = "person"
 
 
-class Said(NamedTuple):
+class ProtocolAct(NamedTuple):
     """An act in a use of a protocol."""
 
     use: str
@@ -61,7 +61,7 @@ class Event(NamedTuple):
 
     def __str__(self) -> str:
         if self.cause is Cause.TAKE and self.act is not None:
-            return str(Said(self.name, self.act, self.kind))
+            return str(ProtocolAct(self.name, self.act, self.kind))
         return f"{self.cause} {self.name}".strip()
 
 
@@ -83,8 +83,8 @@ class Row(NamedTuple):
     number: int
     states: frozenset[str]
     event: Event
-    say: tuple[Said, ...]
-    may: tuple[Said, ...]
+    say: tuple[ProtocolAct, ...]
+    may: tuple[ProtocolAct, ...]
     drop: tuple[str, ...]
     when: tuple[Guard, ...]
     owes: tuple[str, ...]
@@ -175,7 +175,7 @@ def machines(design: Design) -> dict[str, Machine]:
 _CAUSE = re.compile(r"(late|back|own|person) (\S+)|restart")
 
 
-class Words:
+class References:
     """Reads words of a design that name something else of it; every error names where, and what there is."""
 
     def __init__(self, design: Design, where: str = "") -> None:
@@ -186,12 +186,12 @@ class Words:
         if name not in known:
             raise self.error(f"no {kind} {name!r}", f"there are {', '.join(sorted(known)) or 'none'}")
 
-    def said(self, text: str, uses: Collection[str], kind: str = "protocol") -> Said:
+    def said(self, text: str, uses: Collection[str], kind: str = "protocol") -> ProtocolAct:
         """An act in one of these uses."""
         use, _, word = text.partition(" ")
         self.among(kind, use, uses)
         try:
-            return Said(use, *act_word(word))
+            return ProtocolAct(use, *act_word(word))
         except ValueError as error:
             raise self.error(f"{text!r}: {error}", 'write "USE act" or "USE act[kind]"') from error
 
@@ -200,7 +200,7 @@ class Words:
         return DesignError(self.file, None, self.where, wrong, right)
 
 
-class _Rows(Words):
+class _Rows(References):
     def __init__(self, machine: Machine, design: Design) -> None:
         super().__init__(design)
         self.machine = machine

@@ -16,7 +16,7 @@ from fipa_codec.tables import Row as TableRow
 from topdown.model import elements
 from topdown.model.design import Design
 from topdown.model.errors import DesignError
-from topdown.model.machines import Said
+from topdown.model.machines import ProtocolAct
 
 ANYTHING = "anything"
 """The one state of a group."""
@@ -87,20 +87,20 @@ class _End:
         if self.role is Role.INITIATOR and not self.use.durable:
             yield elements.Row(in_=(ANYTHING,), on=f"late {self.use.name}")
 
-    def openings(self) -> tuple[Said, ...]:
+    def openings(self) -> tuple[ProtocolAct, ...]:
         """The words that begin a conversation."""
         return tuple(self._word(row) for row in self.table.allowed(START, SEND) if self._may_say(row))
 
     def _taken(self) -> Iterator[elements.Row]:
         """Each word of the peer, with each way to say what is owed for it in the same step."""
-        ways: dict[tuple[Said, tuple[Said, ...]], None] = {}
+        ways: dict[tuple[ProtocolAct, tuple[ProtocolAct, ...]], None] = {}
         for row in self.table:
             if row.way is RECEIVE:
                 ways |= {(self._word(row), said): None for said in self._owed(str(row.to), ())}
         for heard, said in ways:
             yield _row(str(heard), *said)
 
-    def _said(self) -> Iterator[Said]:
+    def _said(self) -> Iterator[ProtocolAct]:
         """Words in a conversation that is open; a volatile opening is asked again by the model itself."""
         for row in self.table:
             if row.way is SEND and row.state != START and row.to != START and self._may_say(row):
@@ -110,7 +110,7 @@ class _End:
                 if not again and not news:
                     yield said
 
-    def _owed(self, state: str, before: tuple[Said, ...]) -> Iterator[tuple[Said, ...]]:
+    def _owed(self, state: str, before: tuple[ProtocolAct, ...]) -> Iterator[tuple[ProtocolAct, ...]]:
         """Ways to say what a state owes in the same step; one that says nothing where it owes nothing."""
         if state not in self.table.urgent:
             yield before
@@ -119,15 +119,15 @@ class _End:
             if self._may_say(row) and self._word(row) not in before:
                 yield from self._owed(str(row.to), (*before, self._word(row)))
 
-    def _opens(self, said: Said) -> bool:
+    def _opens(self, said: ProtocolAct) -> bool:
         return self.role is Role.INITIATOR and said.act in self.protocol.openings
 
     def _may_say(self, row: TableRow) -> bool:
         """Whether its messages list the act; the answer to a cancel the runtime gives by itself."""
         return row.performative in self.acts or row.kind is Kind.CANCEL
 
-    def _word(self, row: TableRow) -> Said:
-        return Said(self.use.name, row.performative, row.kind)
+    def _word(self, row: TableRow) -> ProtocolAct:
+        return ProtocolAct(self.use.name, row.performative, row.kind)
 
 
 def _renewals(ends: list[_End]) -> Iterator[elements.Row]:
@@ -139,5 +139,5 @@ def _renewals(ends: list[_End]) -> Iterator[elements.Row]:
         yield elements.Row(in_=(ANYTHING,), on=f"back {peer}", drop=dropped, say=said)
 
 
-def _row(event: str, *said: Said, when: tuple[str, ...] = ()) -> elements.Row:
+def _row(event: str, *said: ProtocolAct, when: tuple[str, ...] = ()) -> elements.Row:
     return elements.Row(in_=(ANYTHING,), on=event, say=tuple(map(str, said)), when=when)

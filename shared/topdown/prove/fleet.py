@@ -132,7 +132,7 @@ class Fleet:
         if isinstance(state[0], str):
             return {}
         numbered = enumerate(zip(self.names, self.parts.agents, strict=True))
-        return {name: _told(agent, self.parts.local(number, state[number])) for number, (name, agent) in numbered}
+        return {name: _local_text(agent, self.parts.local(number, state[number])) for number, (name, agent) in numbered}
 
     def _all_rest(self, state: Flat) -> bool:
         if any(state[self.count : self.count + len(self.inbound)]):
@@ -210,7 +210,7 @@ class Fleet:
     def not_silent(self) -> tuple[str, ...]:
         """States reached in which a word that was left out would have changed something; none if all is well."""
         return tuple(
-            f"{name} in {_told(agent, local)}: {said} is not without effect"
+            f"{name} in {_local_text(agent, local)}: {said} is not without effect"
             for name, agent, met in zip(self.names, self.parts.agents, self.parts.locals, strict=True)
             for said in sorted(self.parts.silent)
             if said.use in agent.index
@@ -236,7 +236,7 @@ class Fleet:
         return tuple(dict.fromkeys(told for one in machines for told in endless(one, self.parts.silent)))
 
 
-def _told(agent: Agent, local: Local) -> str:
+def _local_text(agent: Agent, local: Local) -> str:
     """A local state in words."""
     talks = [f"{use.name}: {talk}" for use, talk in zip(agent.uses, local.talks, strict=True) if talk]
     owed = [f"owes {use}" for use in sorted(local.owed)]

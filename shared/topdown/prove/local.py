@@ -20,8 +20,8 @@ from topdown.model.machines import (
     Event,
     Guard,
     Machine,
+    ProtocolAct,
     Row,
-    Said,
     Use,
 )
 
@@ -53,7 +53,7 @@ class Effect(NamedTuple):
 
     kind: str
     use: str
-    said: Said | None = None
+    said: ProtocolAct | None = None
 
 
 class Outcome(NamedTuple):
@@ -71,7 +71,7 @@ class Outcome(NamedTuple):
 class Agent:
     """An agent of the composed model. `silent`: words that change nothing anywhere, which are not sent."""
 
-    def __init__(self, machine: Machine, silent: frozenset[Said]) -> None:
+    def __init__(self, machine: Machine, silent: frozenset[ProtocolAct]) -> None:
         self.machine, self.silent = machine, silent
         self.uses: tuple[Use, ...] = tuple(machine.uses.values())
         self.index = {use.name: number for number, use in enumerate(self.uses)}
@@ -103,7 +103,7 @@ class Agent:
 
     # --- what can happen ----------------------------------------------------------------------------------------------
 
-    def _take(self, local: Local, said: Said) -> "tuple[Outcome, ...] | str | None":
+    def _take(self, local: Local, said: ProtocolAct) -> "tuple[Outcome, ...] | str | None":
         """Outcomes of a message at the head of its queue; None: it waits; a text: nobody has thought of it."""
         if local.state == GONE:
             return None
@@ -130,13 +130,13 @@ class Agent:
             return f"no row of {self.machine.agent} in {local.state} applies to {said}; its conversations: {state}"
         return outcomes
 
-    def late_answers(self, name: str) -> tuple[Said, ...]:
+    def late_answers(self, name: str) -> tuple[ProtocolAct, ...]:
         """The runtime's answer to a cancel that is not open: one word or, where the table owes none, nothing."""
         use = self.machine.uses[name]
         table = use.protocol.tables[use.role]
         taken = table.find(START, RECEIVE, Performative.CANCEL)
         owed = table.allowed(taken.to, SEND) if taken is not None and taken.to in table.urgent else ()
-        return tuple(Said(name, row.performative, row.kind) for row in owed[:1])
+        return tuple(ProtocolAct(name, row.performative, row.kind) for row in owed[:1])
 
     def _spontaneous(self, local: Local) -> tuple[tuple[Outcome, Event], ...]:
         """The events without a message, except restarts: own, person, back (with news of that peer), late."""
@@ -175,7 +175,7 @@ class Agent:
         found = outcomes or (Outcome(after, (), "", 0),)
         return tuple(one._replace(effects=(*closed, *one.effects), label=f"{DIES}{_and(one.label)}") for one in found)
 
-    def would_change(self, local: Local, said: Said) -> bool:
+    def would_change(self, local: Local, said: ProtocolAct) -> bool:
         """Whether a silent word, where it may come, would change this state after all, or would not be taken."""
         use = self.machine.uses[said.use]
         talk = self.talk(local, said.use)
@@ -226,7 +226,7 @@ class Agent:
         turn = WAITING if guard.use in local.waiting else SERVED
         return talk in guard.states or not guard.words.isdisjoint((due, turn))
 
-    def _spoken(self, local: Local, words: tuple[Said, ...]) -> "tuple[Local, list[Effect]] | None":
+    def _spoken(self, local: Local, words: tuple[ProtocolAct, ...]) -> "tuple[Local, list[Effect]] | None":
         """The local state after these words, and what they do outside; None where a table forbids one."""
         effects: list[Effect] = []
         for said in words:

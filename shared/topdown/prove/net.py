@@ -197,7 +197,7 @@ def is_(variable: str, *values: str) -> Is:
 
 
 def _check(place: str, part: Guard | Effect, known: Mapping[str, Variable | Queue]) -> None:
-    thing, wanted, words = known.get(part[0]), Variable if isinstance(part, Is | Set | Copy) else Queue, _words(part)
+    thing, wanted, words = known.get(part[0]), Variable if isinstance(part, Is | Set | Copy) else Queue, _values(part)
     if not isinstance(thing, wanted):
         names = ", ".join(name for name, one in known.items() if isinstance(one, wanted))
         raise NetError(f"{place}: {part[0]!r} is no {wanted.__name__.lower()}; there are {names}")
@@ -210,7 +210,7 @@ def _check(place: str, part: Guard | Effect, known: Mapping[str, Variable | Queu
         raise NetError(f"{place}: {', '.join(sorted(words - set(domain)))} is not in {thing.name!r}: {domain}")
 
 
-def _words(part: Guard | Effect) -> frozenset[str]:
+def _values(part: Guard | Effect) -> frozenset[str]:
     match part:
         case Is(_, words) | Head(_, words):
             return words

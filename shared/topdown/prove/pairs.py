@@ -116,11 +116,11 @@ def spoken(design: Design, use: str) -> Protocol:
     """The protocol of a use, with the words that its agents say. Raises NoSuchEntry, DesignError."""
     entry = design.protocol(use)
     protocol = design.tables[entry.follows]
-    says = {role: _words(design, entry, role, protocol) for role in Role}
+    says = {role: _acts_of(design, entry, role, protocol) for role in Role}
     return restricted(protocol, says)
 
 
-def _words(design: Design, use: elements.Protocol, role: Role, protocol: Protocol) -> frozenset[str]:
+def _acts_of(design: Design, use: elements.Protocol, role: Role, protocol: Protocol) -> frozenset[str]:
     agent = use.initiator if role is Role.INITIATOR else use.participant
     rows = Machine(design, agent).rows if agent in design.agents else ()
     sends = [row for row in protocol.tables[role] if row.way is SEND]

@@ -11,7 +11,7 @@ from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, Role, Table, Way
 from topdown.model import elements
 from topdown.model.design import Design
-from topdown.model.machines import NONE, Cause, Event, Machine, Row, Said, Words
+from topdown.model.machines import NONE, Cause, Event, Machine, ProtocolAct, References, Row
 from topdown.prove.local import GONE, Agent, Effect, Local, Outcome
 
 # --- Rules of a design that must never be broken: an agent says something while others are in a certain state --------
@@ -42,7 +42,7 @@ class Never(NamedTuple):
     name: str
     text: str
     agent: str
-    says: frozenset[Said]
+    says: frozenset[ProtocolAct]
     whiles: tuple[While, ...]
 
     def broken(self, model: "Parts", state: tuple[int, ...]) -> bool:
@@ -55,7 +55,7 @@ def nevers(design: Design, place: Mapping[str, int], machines: Mapping[str, Mach
     return tuple(_Rule(design, rule, place, machines).never() for rule in design.file.never)
 
 
-class _Rule(Words):
+class _Rule(References):
     """Reads one rule: a word that nothing answers to would make it hold for ever."""
 
     def __init__(
@@ -97,7 +97,9 @@ class _Rule(Words):
 # may miss a state.
 
 
-def silent_words(machines: Iterable[Machine], forbidden: frozenset[Said] = frozenset()) -> frozenset[Said]:
+def silent_words(
+    machines: Iterable[Machine], forbidden: frozenset[ProtocolAct] = frozenset()
+) -> frozenset[ProtocolAct]:
     """The greatest set of words of durable uses that are silent if all of the set are, but for those that a rule of the
     design forbids at times.
     """
@@ -110,7 +112,7 @@ def silent_words(machines: Iterable[Machine], forbidden: frozenset[Said] = froze
         found -= loud
 
 
-def endless(machine: Machine, silent: Collection[Said]) -> Iterator[str]:
+def endless(machine: Machine, silent: Collection[ProtocolAct]) -> Iterator[str]:
     """In words what an agent says over and over in durable uses, taking nothing in between, though the model
     leaves it out: words that are silent, and those under `may`.
     """
@@ -142,10 +144,10 @@ def _reached(start: str, leads: dict[str, set[str]]) -> set[str]:
     return found
 
 
-def _heard(machine: Machine) -> set[Said]:
+def _heard(machine: Machine) -> set[ProtocolAct]:
     """The messages an agent's tables let it take, in durable uses."""
     return {
-        Said(use.name, row.performative, row.kind)
+        ProtocolAct(use.name, row.performative, row.kind)
         for use in machine.uses.values()
         if use.durable
         for row in use.protocol.tables[use.role]
@@ -153,7 +155,7 @@ def _heard(machine: Machine) -> set[Said]:
     }
 
 
-def _is_silent(machine: Machine, said: Said, silent: set[Said]) -> bool:
+def _is_silent(machine: Machine, said: ProtocolAct, silent: set[ProtocolAct]) -> bool:
     event = Event(Cause.TAKE, *said)
     rows = [row for row in machine.rows if row.event == event and not row.several]
     use = machine.uses[said.use]
@@ -168,13 +170,13 @@ def _is_silent(machine: Machine, said: Said, silent: set[Said]) -> bool:
     )
 
 
-def _settled(table: Table, state: str, use: str, silent: set[Said]) -> str:
+def _settled(table: Table, state: str, use: str, silent: set[ProtocolAct]) -> str:
     """The state that the words owed in a state lead to, if all of them are silent."""
     seen = set()
     while state in table.urgent and state not in seen:
         seen.add(state)
         owed = table.allowed(state, SEND)
-        if len(owed) != 1 or Said(use, owed[0].performative, owed[0].kind) not in silent:
+        if len(owed) != 1 or ProtocolAct(use, owed[0].performative, owed[0].kind) not in silent:
             break
         state = str(owed[0].to)
     return state
@@ -190,11 +192,11 @@ class Net(NamedTuple):
     news the initiator does not have, as far as the participant was told.
     """
 
-    words: frozenset[Said] = frozenset()
+    words: frozenset[ProtocolAct] = frozenset()
     current: bool = False
     stale: bool = False
 
-    def opened(self, said: Said) -> "Net":
+    def opened(self, said: ProtocolAct) -> "Net":
         """The initiator asks, perhaps again: every other word on the way belongs to an older question."""
         return Net(frozenset({said}), False, self.stale)
 
@@ -206,23 +208,23 @@ class Net(NamedTuple):
         """The participant's conversation is over, or gone with its death; what it said is still on the way."""
         return self._replace(current=False)
 
-    def added(self, said: Said) -> "Net":
+    def added(self, said: ProtocolAct) -> "Net":
         """One more word."""
         return self._replace(words=self.words | {said})
 
-    def answered(self, said: Said) -> "Net":
+    def answered(self, said: ProtocolAct) -> "Net":
         """The participant says something; in a conversation that nobody holds any more it is lost."""
         return self.added(said) if self.current else self
 
-    def owed(self, news: Said) -> "Net":
+    def owed(self, news: ProtocolAct) -> "Net":
         """Something new was observed: it is sent where somebody listens; older news are worth nothing."""
         return Net(self.words | {news} if self.current else self.words - {news}, self.current, True)
 
-    def known(self, news: Said) -> "Net":
+    def known(self, news: ProtocolAct) -> "Net":
         """The newest observation was taken, and its receipt came."""
         return Net(self.words - {news}, self.current, False)
 
-    def taken(self, said: Said, *, copy: bool = False) -> "Net":
+    def taken(self, said: ProtocolAct, *, copy: bool = False) -> "Net":
         """A word was taken; of a copied one another is still on the way."""
         return self if copy else self._replace(words=self.words - {said})
 
@@ -259,7 +261,7 @@ class Ready(NamedTuple):
     """An outcome with numbers in place of words: `there` is the local state, `effects` are (slot, kind, word)."""
 
     there: int
-    effects: tuple[tuple[int, int, Said | None], ...]
+    effects: tuple[tuple[int, int, ProtocolAct | None], ...]
     label: str
     fair: bool
     fault: bool
@@ -290,7 +292,7 @@ class Parts:
         self.size = first + len(soft) + 1
         self._found: dict[tuple[int, int, Any], Any] = {}
         self._changes: dict[tuple[int, int, str, str], int] = {}
-        self._nets: dict[tuple[int, int, Said | None], int] = {}
+        self._nets: dict[tuple[int, int, ProtocolAct | None], int] = {}
 
     # --- numbers and values -------------------------------------------------------------------------------------------
 
@@ -334,7 +336,7 @@ class Parts:
             found = self._changes[key] = self.locals[number](value)
         return found
 
-    def net_after(self, net: int, kind: int, said: Said | None) -> int:
+    def net_after(self, net: int, kind: int, said: ProtocolAct | None) -> int:
         """The net of a volatile use after an effect."""
         key = (net, kind, said)
         found = self._nets.get(key)
@@ -395,7 +397,7 @@ class Parts:
             row=outcome.row,
         )
 
-    def _effect(self, agent: Agent, effect: Effect) -> tuple[int, int, Said | None]:
+    def _effect(self, agent: Agent, effect: Effect) -> tuple[int, int, ProtocolAct | None]:
         use = agent.machine.uses[effect.use]
         if use.durable:
             return self.queue_of[agent.machine.agent, use.peer], SAY, effect.said
@@ -403,7 +405,7 @@ class Parts:
         if effect.kind == "close":
             return slot, CLOSE if initiates else ORPHAN, None
         if effect.kind == "owe":
-            return slot, OWE, Said(use.name, Performative.INFORM, Kind.PLAIN)
+            return slot, OWE, ProtocolAct(use.name, Performative.INFORM, Kind.PLAIN)
         if effect.kind == "open":
             return slot, OPEN, effect.said
         return slot, ADD if initiates else ANSWER, effect.said

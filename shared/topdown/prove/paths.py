@@ -12,7 +12,7 @@ from fipa_codec.tables import Role
 from topdown.judge.steps import Done, Steps
 from topdown.model.design import Design
 from topdown.model.errors import NoSuchEntry
-from topdown.model.machines import Cause, Event, Said
+from topdown.model.machines import Cause, Event, ProtocolAct
 from topdown.prove.fleet import ANY, Faults, Flat, Fleet
 from topdown.prove.local import DIES
 
@@ -59,7 +59,7 @@ class Follower:
             if not found:
                 here = self.fleet.describe(min(self.states))
                 took = Event(Cause.TAKE, *deed.took) if deed.took else deed.event
-                said = ", ".join(str(Said(*one)) for one in deed.said) or "nothing"
+                said = ", ".join(str(ProtocolAct(*one)) for one in deed.said) or "nothing"
                 told = f"in {deed.before} on {took} said {said}, then {deed.after}"
                 return Deviation(self.count, agent, told, here)
             self.states, self.most = found, max(self.most, len(found))
@@ -70,7 +70,7 @@ class Follower:
         """A step that the model leaves out: a silent word, a complaint, nothing said or changed."""
         if deed.took is None:
             return not deed.said and deed.before == deed.after and not deed.event.startswith(("Started", "PeerChanged"))
-        return Said(*deed.took) in self.fleet.parts.silent or deed.took[1] == "not-understood"
+        return ProtocolAct(*deed.took) in self.fleet.parts.silent or deed.took[1] == "not-understood"
 
     def _after(self, agent: str, deed: Done) -> set[Flat]:
         """All states the model may be in after the step, with as few moves in between as need be."""
@@ -91,7 +91,7 @@ class Follower:
         """Questions that a row may ask besides, or that were given up, are not in the model: answered once each."""
         steps = self.steps[agent]
         rows = steps.fitting(deed)
-        said = [Said(*one) for one in deed.said] if rows else []
+        said = [ProtocolAct(*one) for one in deed.said] if rows else []
         asked = [one.use for one in said if all(one in row.may and one not in row.say for row in rows)]
         for use in (*asked, *{use for row in rows for use in row.drop}, *self._given_up(steps, deed)):
             if not steps.uses[use].durable:

@@ -11,7 +11,7 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Role, Table
 from topdown.model import elements
-from topdown.model.machines import Said
+from topdown.model.machines import ProtocolAct
 from topdown.prove.local import Stray
 from topdown.prove.parts import Net, Parts, Ready
 
@@ -50,18 +50,18 @@ class Soft:
         asker, server = tables[Role.INITIATOR], tables[Role.PARTICIPANT]
         said = {message.performative for message in use.message}
         opening = [row for row in asker.allowed(START, SEND) if row.performative in said]
-        self.openings = {str(row.to): Said(use.name, row.performative, row.kind) for row in opening}
+        self.openings = {str(row.to): ProtocolAct(use.name, row.performative, row.kind) for row in opening}
         self.asks = {**_repeated(use.name, asker), **self.openings}
-        self.outward = {Said(use.name, row.performative, row.kind) for row in asker if row.way is SEND}
+        self.outward = {ProtocolAct(use.name, row.performative, row.kind) for row in asker if row.way is SEND}
         self.unanswered = {str(row.to) for row in server.allowed(START, RECEIVE)}
         self.resting = server.resting
         self.late = parts.agents[self.server].late_answers(use.name)
         self.answers = {
-            str(row.to): Said(use.name, row.performative, row.kind)
+            str(row.to): ProtocolAct(use.name, row.performative, row.kind)
             for state in self.unanswered
             for row in reversed(server.allowed(state, SEND))
         }
-        self.news = Said(use.name, Performative.INFORM, Kind.PLAIN)
+        self.news = ProtocolAct(use.name, Performative.INFORM, Kind.PLAIN)
         self._turns: dict[Ends, tuple[Turn, ...]] = {}
 
     def at_rest(self, ends: Ends) -> bool:
@@ -96,7 +96,7 @@ class Soft:
             else:
                 yield from self._heard(ends, net, said, self.asker, ends.asker)
 
-    def _asked(self, ends: Ends, net: Net, said: Said) -> Iterator[Turn]:
+    def _asked(self, ends: Ends, net: Net, said: ProtocolAct) -> Iterator[Turn]:
         """An opening: of the present question once more, or of a newer one, whose conversation replaces the older."""
         talk = self.parts.talk(self.server, ends.server, self.use)
         if talk and net.current:
@@ -110,7 +110,7 @@ class Soft:
             accepted = self.parts.net(turn.ends.net).accepted() if turn.ready else self.parts.net(turn.ends.net)
             yield turn._replace(ends=self._with(turn.ends, accepted))
 
-    def _unknown(self, ends: Ends, net: Net, said: Said) -> Turn:
+    def _unknown(self, ends: Ends, net: Net, said: ProtocolAct) -> Turn:
         """A word in a conversation that the participant does not hold: a cancel is answered as the table says."""
         name, after = self.parts.names[self.server], net.taken(said)
         if said.act is not Performative.CANCEL:
@@ -119,7 +119,7 @@ class Soft:
             after = after.added(answer)
         return Turn(name, f"{said} <- {self.parts.names[self.asker]}, too late", self._with(ends, after))
 
-    def _heard(self, ends: Ends, net: Net, said: Said, number: int, local: int) -> Iterator[Turn]:
+    def _heard(self, ends: Ends, net: Net, said: ProtocolAct, number: int, local: int) -> Iterator[Turn]:
         """An agent takes a word, or a copy of it; what nobody waits for is dropped."""
         found, name = self.parts.outcomes(number, local, said), self.parts.names[number]
         if isinstance(found, Stray):
@@ -165,7 +165,7 @@ class Soft:
             yield Turn("net", f"{said} is lost", self._with(ends, net.taken(said)), fault=True)
 
 
-def _repeated(use: str, asker: Table) -> dict[str, Said]:
+def _repeated(use: str, asker: Table) -> dict[str, ProtocolAct]:
     """What is repeated in each state: the newest word of the initiator until something is taken, or its
     cancel, which crossing messages do not answer, until the conversation has ended.
     """
@@ -177,4 +177,4 @@ def _repeated(use: str, asker: Table) -> dict[str, Said]:
             if row.kind is not Kind.CANCEL and row.to not in asker.ended and row.to not in found:
                 found[str(row.to)] = cancel._replace(to=row.to)
                 waiting.append(found[str(row.to)])
-    return {state: Said(use, row.performative, row.kind) for state, row in found.items()}
+    return {state: ProtocolAct(use, row.performative, row.kind) for state, row in found.items()}

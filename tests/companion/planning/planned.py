@@ -82,7 +82,7 @@ def ends(plan: hfsm.HierarchicalPlan) -> hfsm.Outcome:
 
 def surveyed(scene: model.Scene) -> Scene:
     """Return km's scene when the robot stands in its start posture and has looked around, with the receptor's noise."""
-    backend, eye, models = MujocoBackend(scene), simulation.receptor(scene), simulation.things(scene)
+    backend, eye, models = MujocoBackend(scene), simulation.receptor(scene), simulation.model_names(scene)
     qpos, store = backend.configuration().copy(), Store.open()
     told: list[wm.AnyObservation] = []
     for point in SURVEY.at:

@@ -6,7 +6,7 @@ from inspect import getsource
 import pytest
 
 from companion.planning import search
-from companion.planning.registry import Each, rows, tasks, things
+from companion.planning.registry import Each, object_arguments, rows, tasks
 from companion.tasks import parts
 
 NAMED = re.compile(r'\(\s*"([a-z_]+)"')
@@ -43,6 +43,6 @@ def test_a_name_that_two_tasks_declare_is_refused() -> None:
 
 def test_the_things_of_a_task_are_its_arguments_of_that_kind() -> None:
     """Neither hand nor place."""
-    assert things("pour", ("jar_1", "bowl_1")) == ("jar_1", "bowl_1")
-    assert things("put_at", ("jar_1", "table")) == ("jar_1",)
-    assert things("clear_table", ()) == ()
+    assert object_arguments("pour", ("jar_1", "bowl_1")) == ("jar_1", "bowl_1")
+    assert object_arguments("put_at", ("jar_1", "table")) == ("jar_1",)
+    assert object_arguments("clear_table", ()) == ()

@@ -17,7 +17,7 @@ from companion.skills.performing import perform
 from companion.skills.situation import Eye, Situation, beginning
 from companion.skills.skill import Sensed
 from services.executor.loop.core import LoopCore
-from services.executor.simulation import InProcess, markers, receptor, things
+from services.executor.simulation import InProcess, markers, model_names, receptor
 from velma.kinematics import motion
 from velma.kinematics.collision import MARGIN
 from velma.kinematics.frames import lies, transform, xyz_quat
@@ -63,7 +63,7 @@ class Acting:
         scene = vary(whole or load(), seed)
         self.core, self.eye = LoopCore(MujocoBackend(scene)), receptor(scene)
         self.core.hold(0.4)
-        self.robot, self.things, self.markers = Robot(), things(scene), markers(scene)
+        self.robot, self.things, self.markers = Robot(), model_names(scene), markers(scene)
         self.here: Situation = beginning(self.robot, self.things, self.markers)
         self._acts = 0
         self.retreats: dict[str, tuple[rc.ApproachPoint, ...]] = {}

@@ -57,14 +57,14 @@ def told(past: History, *observations: wm.AnyObservation) -> History:
 
 def found(past: History, name: str) -> believed.Believed:
     """The belief about one thing."""
-    return next(one for one in believed.things(past) if one.object == name)
+    return next(one for one in believed.beliefs(past) if one.object == name)
 
 
 def test_belief_is_that_of_km(past: History) -> None:
     """Km's own functions make the same poses of the same messages; each is near the truth."""
     heard = [Heard(one.received, one.wire) for one in past.said if "km" in (one.receiver, one.sender)]
     scene = of_km(heard).scene
-    rows = believed.things(past)
+    rows = believed.beliefs(past)
     assert {one.object for one in rows} == set(scene.things)
     for one in rows:
         side = scene.holder(one.object)
@@ -154,7 +154,7 @@ def test_what_was_put_down_unseen_or_lost_is_said_so(past: History) -> None:
     assert put.id == "test/1@9.1"
     lost = found(told(past, let_go, wm.LostObject("jar_1", Side.LEFT)), "jar_1")
     assert (lost.how, lost.at, lost.apart_mm) == ("lost by the left hand", None, None)
-    assert [one.how for one in believed.things(told(past, wm.WorldLost((fact(Kind.NEW_WORLD),)))) if one.at] == []
+    assert [one.how for one in believed.beliefs(told(past, wm.WorldLost((fact(Kind.NEW_WORLD),)))) if one.at] == []
 
 
 def test_what_is_lost_is_in_no_hand(past: History) -> None:

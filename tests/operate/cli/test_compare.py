@@ -11,7 +11,7 @@ from operate.cli.runs import compare
 from operate.cli.terminal.console import Console
 from operate.experiments.comparing import Compared, Diverged, Divergence, Verdict
 from operate.experiments.intervals import Interval
-from operate.experiments.run_figures import Said
+from operate.experiments.run_figures import SentMessage
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 
@@ -89,7 +89,7 @@ def test_a_unit_and_an_interval_are_shown() -> None:
 
 def test_the_first_difference_is_shown_in_words() -> None:
     """The conversation, the communicate, and each side's words at the first difference are shown."""
-    said = Said(1.5, "C6", "ta", "km", "subscribe", "inform", "km-1-1", "SeenObject", 300, "seen jar")
+    said = SentMessage(1.5, "C6", "ta", "km", "subscribe", "inform", "km-1-1", "SeenObject", 300, "seen jar")
     first = Divergence("km to ta, subscribe", 1, 3, said, None)
     lines = compare.divergences((Diverged(4, first), Diverged(5, None)))
     assert lines[0].startswith("what was said differs in 1 of 2 seeds")

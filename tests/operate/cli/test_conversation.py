@@ -12,7 +12,7 @@ from companion.design import DESIGN
 from operate.cli.__main__ import app
 from operate.cli.terminal import sequence
 from operate.cli.traffic import conversation
-from operate.cli.traffic.verdicts import told
+from operate.cli.traffic.verdicts import verdicts_of
 from operate.run_folder import VERDICTS_FILE, Judged
 from topdown.judge.verdicts import Verdict
 
@@ -35,7 +35,7 @@ WRONG = msgspec.structs.replace(
 def run_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The pour, with its verdicts as the monitor writes them."""
     run = tmp_path_factory.mktemp("run")
-    (run / VERDICTS_FILE).write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in told(POUR)))
+    (run / VERDICTS_FILE).write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in verdicts_of(POUR)))
     return run
 
 
@@ -92,7 +92,7 @@ def test_a_conversation_is_drawn(run_dir: Path) -> None:
 
 def test_a_drawing_fits_the_terminal(run_dir: Path) -> None:
     """No line is wider, and both lifelines stand in the same columns throughout."""
-    found = {one.id: one for one in conversation.conversations(told(run_dir), DESIGN)}
+    found = {one.id: one for one in conversation.conversations(verdicts_of(run_dir), DESIGN)}
     for name, width in product(("hi-1-1", "km-1-1", "co-1-2"), (60, 80, 120, 200)):
         one = found[name]
         lines = sequence.drawn(one.said, one.initiator, one.participant, width).plain.splitlines()
@@ -131,7 +131,7 @@ def test_the_design_says_who_opened_a_conversation_of_which_the_beginning_is_not
 
 def test_a_run_without_verdicts_is_judged_now() -> None:
     """Of an older monitor there is the recording alone."""
-    assert len(told(POUR)) == 424
+    assert len(verdicts_of(POUR)) == 424
 
 
 def test_no_run_is_said(tmp_path: Path) -> None:

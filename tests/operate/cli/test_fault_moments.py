@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
 from operate.cli.errors import UsageError
-from operate.cli.faults.moments import After, Event, InPlan, InState, Message, counter, parse, words
+from operate.cli.faults.moments import After, Event, InPlan, InState, Message, counter, moment_text, parse
 from operate.run_folder import Happened, PlanAt, Step
 
 STATES = [(agent, one.name) for agent, entry in DESIGN.agents.items() for one in entry.state]
@@ -52,7 +52,7 @@ def test_an_event_is_there_by_its_name_and_what_it_is_of(
     asked = " ".join((name, *of))
     event = parse(f"event:{asked}", DESIGN, "pl")
     assert event == Event(name, of)
-    assert words(event) == repr(asked)
+    assert moment_text(event) == repr(asked)
     assert event.there(Happened(t=0.0, name=name, of=(*of, *more), text=other))
     assert event.there(Happened(t=0.0, name=other, of=of)) == (name == other)
     assert not event.there(Happened(t=0.0, name=f"{name}x", of=of, text=asked))
@@ -68,7 +68,7 @@ def test_a_step_of_a_plan_is_there_by_what_it_does(
     asked = " ".join((does, *things)) + (f"/{act}" if act else "")
     moment = parse(f"plan:{asked}", DESIGN, "pl")
     assert moment == InPlan(does, things, act)
-    assert words(moment) == repr(asked)
+    assert moment_text(moment) == repr(asked)
     at = Step((other, "1"), does, (*things, "lid_9"), "left", acts)
     assert moment.there(PlanAt(t=0.0, at=at)) == (act in ("", acts))
     assert not moment.there(PlanAt(t=0.0, at=at, outcome="failed"))

@@ -17,7 +17,7 @@ from operate.cli.__main__ import app
 from operate.cli.errors import UsageError
 from operate.cli.faults import run, verbs
 from operate.cli.faults.kinds import AMOUNTS, KINDS, UNTIMED, VERBS
-from operate.cli.faults.run import SIGNED, Entry, Scenario, choose, load, words
+from operate.cli.faults.run import SIGNED, Entry, Scenario, choose, fault_arguments, load
 
 numbers = st.floats(0, 100).map(lambda value: round(value, 3))
 spans = numbers | st.tuples(numbers, numbers).map(lambda pair: (min(pair), max(pair)))
@@ -99,7 +99,7 @@ def test_what_is_written_is_read(some: Scenario) -> None:
 def test_words_are_of_the_verb(some: Scenario, seed: int) -> None:
     """Kind and target first, then the amount; each option once, with its value."""
     for one in choose(some, seed):
-        found = words(one, 1000.0)
+        found = fault_arguments(one, 1000.0)
         assert found[:2] == [one.kind, one.target]
         rest = found[3:] if one.amount is not None and one.kind in AMOUNTS else found[2:]
         assert len(rest) % 2 == 0

@@ -186,7 +186,7 @@ def test_the_start_says_whom_it_waits_for() -> None:
 def test_states_of_all_agents_have_words() -> None:
     """No state of the design is shown as an id."""
     for agent, entry in DESIGN.agents.items():
-        assert [state.name for state in entry.state if not state_words.said(SYSTEM, agent, state.name)] == []
+        assert [state.name for state in entry.state if not state_words.state_text(SYSTEM, agent, state.name)] == []
 
 
 def test_a_machine_left_behind_is_ticked() -> None:

@@ -10,14 +10,16 @@ from hypothesis import strategies as st
 
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
-from operate.cli.traffic.listen import recorded, said
+from operate.cli.traffic.listen import heard_message, recorded
 from operate.cli.traffic.replace import Difference, Part, Script, before, difference, parts, plain
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 HEARD = [
     (one.at, communicate)
     for sample in recorded(POUR)
-    if sample is not None and (one := said(sample)) is not None and (communicate := one.communicate()) is not None
+    if sample is not None
+    and (one := heard_message(sample)) is not None
+    and (communicate := one.communicate()) is not None
 ]
 
 

@@ -14,7 +14,7 @@ from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 from operate.cli.__main__ import app
 from operate.cli.traffic import echo, listen
-from operate.cli.traffic.listen import Said, recorded, said
+from operate.cli.traffic.listen import HeardMessage, heard_message, recorded
 from operate.cli.traffic.play import moved
 from operate.cli.traffic.rates import Tally
 from operate.cli.traffic.replay import factor, narrowed
@@ -25,7 +25,7 @@ from topdown.judge.verdicts import Verdict
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 SAMPLES = list(recorded(POUR))
-SAID = [one for sample in SAMPLES if sample is not None and (one := said(sample)) is not None]
+SAID = [one for sample in SAMPLES if sample is not None and (one := heard_message(sample)) is not None]
 KINDS = ["hz", "bw", "size", "all"]
 
 
@@ -103,7 +103,9 @@ def test_a_copy_of_an_answer_answers_nothing_again() -> None:
     )
     for at, one in ((1.0, ask), (1.5, answer), (9.0, answer)):
         data = encode(one)
-        tally.take(Said(at, "", data, len(data), "C4", one.sender, one.receiver, "query", str(one.performative)))
+        tally.take(
+            HeardMessage(at, "", data, len(data), "C4", one.sender, one.receiver, "query", str(one.performative))
+        )
     (row,) = [row for row in tally.rows if row.performative == "inform-ref"]
     assert (row.count, list(row.answers)) == (2, [0.5])
 

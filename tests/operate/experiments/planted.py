@@ -9,7 +9,7 @@ import msgspec
 from companion.tools.report.measures import MEASURES, Plan, PourFigures
 from operate.experiments import results
 from operate.experiments.measures import Runs
-from operate.experiments.run_figures import Happened, Result, Said
+from operate.experiments.run_figures import Happened, Result, SentMessage
 from operate.reports.counts import Communicates, Latency, Sizes, Spans
 from operate.run_folder import ExperimentSetting
 
@@ -49,7 +49,7 @@ def figures(seed: int, noise: random.Random) -> PourFigures:
     )
 
 
-def said(seed: int) -> tuple[Said, ...]:
+def said(seed: int) -> tuple[SentMessage, ...]:
     """Return a run's exchanges: queries of pl with answers, and a request of co; times vary from run to run."""
     shake = random.Random(seed)
     rows, t = [], 0.0
@@ -59,10 +59,12 @@ def said(seed: int) -> tuple[Said, ...]:
             ("km", "pl", "inform-ref", "PoseOf"),
         ):
             t += shake.uniform(0.01, 0.5)
-            rows.append(Said(t, "C4", sender, receiver, "query", act, f"pl-1-{n}", kind, 150 + n, f"object pose {n}"))
+            rows.append(
+                SentMessage(t, "C4", sender, receiver, "query", act, f"pl-1-{n}", kind, 150 + n, f"object pose {n}")
+            )
     for sender, receiver, act in (("co", "pl", "request"), ("pl", "co", "agree")):
         t += 0.1
-        rows.append(Said(t, "C3", sender, receiver, "request", act, "co-1-1", "", 90, ""))
+        rows.append(SentMessage(t, "C3", sender, receiver, "request", act, "co-1-1", "", 90, ""))
     return tuple(rows)
 
 

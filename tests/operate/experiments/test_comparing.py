@@ -14,7 +14,7 @@ from companion.tools.report.measures import PourFigures
 from operate.experiments import comparing, results
 from operate.experiments.comparing import Compared, Comparison, Verdict
 from operate.experiments.measures import Runs
-from operate.experiments.run_figures import Said
+from operate.experiments.run_figures import SentMessage
 from operate.reports.counts import Latency, Spans
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
@@ -216,7 +216,7 @@ def test_of_two_differences_the_earlier_one_is_named() -> None:
 def test_conversations_side_by_side_may_be_interleaved_otherwise(seed: int) -> None:
     """Two conversations of different kinds, and two words that cross in one: any order as heard is the same."""
     pick, first, second = random.Random(seed), list(said(1)[:12]), list(said(1)[12:])
-    mixed: list[Said] = []
+    mixed: list[SentMessage] = []
     while first or second:
         side = first if not second or (first and pick.random() < 0.5) else second
         mixed.append(msgspec.structs.replace(side.pop(0), t=float(len(mixed))))

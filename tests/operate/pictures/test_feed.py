@@ -266,7 +266,7 @@ def test_each_sample_is_in_the_recording_or_fed(
     assert after
     found = sorted((one.received, one.identity) for one in (*before, *after))
     assert found == sorted((one.received, one.identity) for one in spoken(pouring.samples))
-    judged = [item.judged for item in fed if isinstance(item, wire.Said) and not past.judged(item.judged)]
+    judged = [item.judged for item in fed if isinstance(item, wire.ShownVerdict) and not past.judged(item.judged)]
     judged += [one for one in recorded if isinstance(one, Judged)]
     lines = (tmp_path / VERDICTS_FILE).read_bytes().splitlines()
     assert sorted(judged, key=repr) == sorted((msgspec.json.decode(line, type=Judged) for line in lines), key=repr)

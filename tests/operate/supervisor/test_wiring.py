@@ -26,7 +26,7 @@ def test_agents_start_after_their_wires(tmp_path: Path, only: str) -> None:
     assert [one for one in processes if one.name not in (*agents, WIRES.name)] == [
         one for one in before if one.name not in agents
     ]
-    told = files.told(tmp_path)
+    told = files.wires_of(tmp_path)
     assert told is not None
     assert (told.ends, set(told.ports)) == ({"router": ("10.0.0.1", 7447)}, set(agents))
     assert {name: own[CONNECT] for name, own in apart.items()} == {
@@ -39,7 +39,7 @@ def test_linked_agents_have_a_wire_to_each_neighbour(tmp_path: Path) -> None:
     """And to the router; each listens at its own address and is told the neighbours' only by their wires."""
     agents = {name: f"tls/10.0.0.1:{7500 + number}" for number, name in enumerate(AGENTS)}
     _, apart = wired(SYSTEM.processes, SYSTEM.design, "tls/10.0.0.1:7447", agents, tmp_path)
-    told = files.told(tmp_path)
+    told = files.wires_of(tmp_path)
     assert told is not None
     for name, ports in told.ports.items():
         assert ports.keys() == {"router", *SYSTEM.design.peers(name)}

@@ -12,9 +12,9 @@ from velma.eyes.fit import FLOOR_PX, View, _linear, fit, largest, poses
 from velma.eyes.lens import lens
 from velma.model.kinds import Model
 from velma.model.markers import Marker, of_scene
-from velma.model.scene import Scene, Thing
+from velma.model.scene import Scene, SceneObject
 
-JAR: tuple[Marker, ...] = of_scene(Scene("jar", (Thing("jar_1", Model.JAR, (0.0, 0.0, 0.0)),)))["jar_1"]
+JAR: tuple[Marker, ...] = of_scene(Scene("jar", (SceneObject("jar_1", Model.JAR, (0.0, 0.0, 0.0)),)))["jar_1"]
 SEEN = (JAR[0], JAR[1], JAR[8], JAR[15])  # those that look along +x
 EYE = np.array([0.0, 0.0, 1.6])
 yaws, tilts = st.floats(-math.pi, math.pi), st.floats(-0.6, 0.6)

@@ -14,7 +14,7 @@ from velma.errors import SceneError
 from velma.kinematics.frames import standing
 from velma.model import scene
 from velma.model.kinds import DOORS, Model, objects
-from velma.model.scene import NOWHERE, Scene, Thing
+from velma.model.scene import NOWHERE, Scene, SceneObject
 
 PATH = scene.CANONICAL.with_stem("doors")
 CLOSED = scene.load(PATH)
@@ -24,8 +24,8 @@ models = st.sampled_from(DOORS)
 
 def hung(model: Model, angle: float, yaw: float = 0.0) -> Scene:
     """A cabinet with one leaf."""
-    cabinet = Thing("cabinet_1", Model.CABINET_DOOR, (1.0, 0.3, 1.1), yaw=yaw)
-    return scene.checked(scene.hung(Scene("one", (cabinet, Thing("door_1", model, of="cabinet_1", open=angle)))))
+    cabinet = SceneObject("cabinet_1", Model.CABINET_DOOR, (1.0, 0.3, 1.1), yaw=yaw)
+    return scene.checked(scene.hung(Scene("one", (cabinet, SceneObject("door_1", model, of="cabinet_1", open=angle)))))
 
 
 def in_cabinet(whole: Scene, name: str = "door_1") -> pin.SE3:

@@ -7,9 +7,9 @@ from msgspec.structs import replace
 from velma.errors import SceneError
 from velma.model.kinds import Model, objects
 from velma.model.markers import MOST, PLATE, Marker, of_scene
-from velma.model.scene import Scene, Thing, load
+from velma.model.scene import Scene, SceneObject, load
 
-EVERY = Scene("every", tuple(Thing(f"thing_{k}", model, (0.0, 0.0, 0.0)) for k, model in enumerate(Model)))
+EVERY = Scene("every", tuple(SceneObject(f"thing_{k}", model, (0.0, 0.0, 0.0)) for k, model in enumerate(Model)))
 
 
 def frame(marker: Marker) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
@@ -39,7 +39,7 @@ def test_a_number_stands_once_also_with_two_of_a_kind() -> None:
 
 def test_more_than_there_are_is_refused() -> None:
     """With the thing for which nothing is left."""
-    many = Scene("many", tuple(Thing(f"jar_{k}", Model.JAR, (0.0, 0.0, 0.0)) for k in range(20)))
+    many = Scene("many", tuple(SceneObject(f"jar_{k}", Model.JAR, (0.0, 0.0, 0.0)) for k in range(20)))
     with pytest.raises(SceneError, match=r"thing jar_13 .*at most 250") as refused:
         of_scene(many)
     assert refused.value.field == "thing jar_13"

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from velma.errors import SceneError
 from velma.model import scene
 from velma.model.kinds import Model, objects
-from velma.model.scene import Scene, Spread, Thing
+from velma.model.scene import Scene, SceneObject, Spread
 from velma.model.scene_xml import scene_xml
 from velma.sim.mujoco_backend import MujocoBackend
 
 CANONICAL = scene.load()
-BOXES = (*CANONICAL.things, *(Thing(f"box_{k}", Model.BOX1, (0, 0, 1)) for k in range(1, 22)))
+BOXES = (*CANONICAL.things, *(SceneObject(f"box_{k}", Model.BOX1, (0, 0, 1)) for k in range(1, 22)))
 SCENES = sorted(scene.CANONICAL.parent.glob("*.toml"))
 
 
@@ -113,7 +113,7 @@ def test_a_thing_in_a_cabinet_moves_with_it():
 def test_a_thing_may_lie_or_lean(angles):
     """Its axes are those of Rz(yaw) Ry(pitch) Rx(roll)."""
     yaw, pitch, roll = angles
-    whole = Scene("jar", (Thing("jar_1", Model.JAR, (0, 0, 1), yaw=yaw, pitch=pitch, roll=roll),))
+    whole = Scene("jar", (SceneObject("jar_1", Model.JAR, (0, 0, 1), yaw=yaw, pitch=pitch, roll=roll),))
     model = mujoco.MjModel.from_xml_string(scene_xml(whole))
     turned = np.zeros(9)
     mujoco.mju_quat2Mat(turned, model.body("jar_1").quat)
@@ -123,10 +123,10 @@ def test_a_thing_may_lie_or_lean(angles):
 @pytest.mark.parametrize(
     ("moved", "words"),
     [
-        (Thing("jar_2", Model.JAR, (0.85, 0.37, 1.29)), "thing jar_2|thing jar_1"),
-        (Thing("box_9", Model.BOX3, (0.0, 0.0, 1.0)), "inside the robot"),
-        (Thing("box_9", Model.BOX3, (2.0, 2.0, 0.0)), "inside the floor"),
-        (Thing("jar_9", Model.LID, (1.087, 0.434, 0.76)), "inside table_2"),
+        (SceneObject("jar_2", Model.JAR, (0.85, 0.37, 1.29)), "thing jar_2|thing jar_1"),
+        (SceneObject("box_9", Model.BOX3, (0.0, 0.0, 1.0)), "inside the robot"),
+        (SceneObject("box_9", Model.BOX3, (2.0, 2.0, 0.0)), "inside the floor"),
+        (SceneObject("jar_9", Model.LID, (1.087, 0.434, 0.76)), "inside table_2"),
     ],
 )
 def test_things_that_overlap_are_refused(moved, words):
@@ -170,14 +170,14 @@ def test_leaving_a_thing_out_does_not_move_the_others():
 
 IMPOSSIBLE = (
     ({"things": (*CANONICAL.things, CANONICAL.things[0])}, "one thing for each id"),
-    ({"things": (Thing("jar_1", Model.JAR, (0, 0, 1), inside="shed_1"),)}, "id of a cabinet"),
-    ({"things": (Thing("jar_1", Model.JAR, (0, math.nan, 1)),)}, "metres and radians"),
-    ({"things": (Thing("left_arm_7_link", Model.JAR, (0, 0, 1)),)}, "as jar_1"),
-    ({"things": (Thing("grain_3", Model.JAR, (0, 0, 1)),)}, "not grain_1"),
-    ({"things": (Thing("jar_1", Model.JAR, (0, 0, 1), on="cabinet_2"),)}, "id of a table"),
+    ({"things": (SceneObject("jar_1", Model.JAR, (0, 0, 1), inside="shed_1"),)}, "id of a cabinet"),
+    ({"things": (SceneObject("jar_1", Model.JAR, (0, math.nan, 1)),)}, "metres and radians"),
+    ({"things": (SceneObject("left_arm_7_link", Model.JAR, (0, 0, 1)),)}, "as jar_1"),
+    ({"things": (SceneObject("grain_3", Model.JAR, (0, 0, 1)),)}, "not grain_1"),
+    ({"things": (SceneObject("jar_1", Model.JAR, (0, 0, 1), on="cabinet_2"),)}, "id of a table"),
     ({"content": scene.Content(inside="bowl_1")}, r"id of a jar .* one of \['jar_1'\]"),
     ({"content": scene.Content(inside="jar_7")}, r"one of \['jar_1'\]"),
-    ({"things": (Thing("jar_1", Model.JAR, (0, 0, 1), roll=1.0),)}, "upright"),
+    ({"things": (SceneObject("jar_1", Model.JAR, (0, 0, 1), roll=1.0),)}, "upright"),
     ({"spread": Spread(cabinet=math.nan)}, "smaller number first"),
     ({"spread": Spread(jar_depth=(0.1, -0.1))}, "smaller number first"),
     ({"content": scene.Content(grains=500)}, "from 0 to 60"),
@@ -241,7 +241,7 @@ def test_nothing_touches_in_the_scene_as_it_is_drawn():
 def test_grains_lie_in_the_jar():
     """All of them, and the most that a scene may ask for too."""
     for grains in (1, 30, scene.MOST_GRAINS):
-        whole = Scene("jar", (Thing("jar_1", Model.JAR, (0, 0, 1)),), scene.Content(grains=grains))
+        whole = Scene("jar", (SceneObject("jar_1", Model.JAR, (0, 0, 1)),), scene.Content(grains=grains))
         model = mujoco.MjModel.from_xml_string(scene_xml(whole))
         at = np.array([model.body(f"grain_{k}").pos for k in range(grains)]) - (0, 0, 1)
         jar, grain = objects()["jar"], objects()["grain"]["radius"]

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from velma.model.grains import grain_name
 from velma.model.kinds import Model, objects
-from velma.model.scene import Content, Scene, Thing, load
+from velma.model.scene import Content, Scene, SceneObject, load
 from velma.model.scene_xml import scene_xml
 from velma.sim.backend import no_command
 from velma.sim.mujoco_backend import MujocoBackend
@@ -29,7 +29,7 @@ FRICTION = objects()["contact"]["furniture"]["friction"][0]
 def alone(spin: bool) -> mujoco.MjModel:
     """A scene with one grain, whose jar stands far from AWAY."""
     return mujoco.MjModel.from_xml_string(
-        scene_xml(Scene("one", (Thing(JAR, Model.JAR, (3, -3, 0.101)),), Content(grains=1, spin=spin)))
+        scene_xml(Scene("one", (SceneObject(JAR, Model.JAR, (3, -3, 0.101)),), Content(grains=1, spin=spin)))
     )
 
 

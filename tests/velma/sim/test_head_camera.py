@@ -14,7 +14,7 @@ from velma import names
 from velma.eyes.lens import HALF_WIDTH, HEIGHT, WIDTH, lens
 from velma.model.build import load as robot
 from velma.model.kinds import Model
-from velma.model.scene import Noise, Scene, Thing, load
+from velma.model.scene import Noise, Scene, SceneObject, load
 from velma.model.surfaces import MATERIALS
 from velma.sim import gl
 from velma.sim.head_camera import HOUSING, HeadCamera
@@ -72,7 +72,7 @@ def show() -> Iterator[Show]:
     """Makes views of the canonical scene, or of some things; their contexts are freed."""
     made: list[View] = []
 
-    def view(*things: Thing) -> View:
+    def view(*things: SceneObject) -> View:
         made.append(View(Scene("test", things, None, Noise(0.0)) if things else load()))
         return made[-1]
 
@@ -105,7 +105,7 @@ def test_things_have_their_colours_where_they_are(show: Show) -> None:
 @pytest.mark.parametrize("away", [(0.0, 0.0, 0.0), (0.0, 0.25, 0.0), (0.0, -0.25, 0.1), (0.2, 0.1, -0.2)])
 def test_a_thing_is_drawn_where_mujoco_projects_it(show: Show, away: Point) -> None:
     """A bowl in the air, looked past by some degrees: all that is blue lies about the pixel of its middle."""
-    bowl = Thing("bowl_1", Model.BOWL, OPEN)
+    bowl = SceneObject("bowl_1", Model.BOWL, OPEN)
     aimed = tuple(a + b for a, b in zip(OPEN, away, strict=True))
     view = show(bowl).to((aimed[0], aimed[1], aimed[2]))
     picture = view.camera.picture(view.qpos).astype(int)
@@ -118,7 +118,7 @@ def test_a_thing_is_drawn_where_mujoco_projects_it(show: Show, away: Point) -> N
 
 def test_nothing_of_the_head_is_in_the_picture(show: Show) -> None:
     """A picture with the head's shell before the lens is the same as without."""
-    view = show(Thing("bowl_1", Model.BOWL, OPEN))
+    view = show(SceneObject("bowl_1", Model.BOWL, OPEN))
     before = view.to(OPEN).camera.picture(view.qpos)
     shell = np.flatnonzero(view.model.geom_bodyid == view.model.body(HOUSING).id)
     view.model.geom_pos[shell] = (0.4, 0.21, 0.02)  # x ahead, y up, z right, of the tilting frame
@@ -127,7 +127,7 @@ def test_nothing_of_the_head_is_in_the_picture(show: Show) -> None:
 
 def test_its_arms_are_in_the_picture(show: Show) -> None:
     """Only what turns with the camera is left out: looking at its hand, the robot sees the orange of its joints."""
-    view = show(Thing("bowl_1", Model.BOWL, (-2.0, 0.0, 1.0)))
+    view = show(SceneObject("bowl_1", Model.BOWL, (-2.0, 0.0, 1.0)))
     data = mujoco.MjData(view.model)
     data.qpos[:] = view.qpos
     mujoco.mj_kinematics(view.model, data)
@@ -145,11 +145,11 @@ def bluish(view: View) -> int:
 
 def test_what_stands_in_front_hides_and_what_is_clear_does_not(show: Show) -> None:
     """A table hides the bowl under it, the thin back of a cabinet lets the bowl behind it be seen."""
-    table = Thing("table_9", Model.TABLE, (0.783, -0.84, 0.0))
-    under, behind = (Thing("bowl_1", Model.BOWL, at) for at in ((0.95, -0.95, 0.4), (1.6, 0.0, 1.3)))
+    table = SceneObject("table_9", Model.TABLE, (0.783, -0.84, 0.0))
+    under, behind = (SceneObject("bowl_1", Model.BOWL, at) for at in ((0.95, -0.95, 0.4), (1.6, 0.0, 1.3)))
     assert bluish(show(under).to(under.xyz)) > 2000
     assert bluish(show(under, table).to(under.xyz)) == 0
-    back = Thing("cabinet_9", Model.CABINET, (1.0, 0.0, 1.15))
+    back = SceneObject("cabinet_9", Model.CABINET, (1.0, 0.0, 1.15))
     whole = bluish(show(behind).to(behind.xyz))
     clear = np.array(show(behind, back).to(behind.xyz).pixel(behind.xyz))
     closed = np.array(show(back).to(behind.xyz).pixel(behind.xyz))
@@ -188,7 +188,7 @@ def test_the_lens_is_that_of_the_robot(show: Show) -> None:
     (camera,) = [body["camera"] for body in robot()["head"] if "camera" in body]
     assert tuple(camera["size"]) == (WIDTH, HEIGHT)
     assert pytest.approx(math.tan(camera["hfov"] / 2)) == HALF_WIDTH
-    view = show(Thing("bowl_1", Model.BOWL, OPEN)).to(OPEN)
+    view = show(SceneObject("bowl_1", Model.BOWL, OPEN)).to(OPEN)
     view.camera.picture(view.qpos)
     rotation, position = view.camera.pose()
     data = mujoco.MjData(view.model)
@@ -201,7 +201,7 @@ def test_the_lens_is_that_of_the_robot(show: Show) -> None:
 
 def test_both_libraries_draw_the_same(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
     """OSMesa in a process of its own."""
-    view = show(Thing("bowl_1", Model.BOWL, OPEN)).to(OPEN)
+    view = show(SceneObject("bowl_1", Model.BOWL, OPEN)).to(OPEN)
     picture = view.camera.picture(view.qpos)
     code = (
         "import sys, numpy as np\n"

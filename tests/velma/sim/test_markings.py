@@ -14,7 +14,7 @@ from velma.eyes.fit import View
 from velma.eyes.lens import HEIGHT, WIDTH, lens
 from velma.model.kinds import DOORS, Model
 from velma.model.markers import Marker, of_scene
-from velma.model.scene import Noise, Scene, Thing, hung, load
+from velma.model.scene import Noise, Scene, SceneObject, hung, load
 from velma.sim.head_camera import CAMERA, HeadCamera
 from velma.sim.mujoco_backend import MujocoBackend, compiled
 from velma.sim.photographs import marked
@@ -43,11 +43,11 @@ def test_the_physics_is_the_same_bit_by_bit() -> None:
     assert model.ngeom == plain.ngeom + len(scene.things)
 
 
-def alone(model: Model) -> tuple[Thing, ...]:
+def alone(model: Model) -> tuple[SceneObject, ...]:
     """Return a thing of this model in the air; a leaf hangs wide open at its cabinet."""
     if model not in DOORS:
-        return (Thing("thing_1", model, AT),)
-    return Thing("cabinet_1", Model.CABINET_DOOR, AT), Thing("thing_1", model, of="cabinet_1", open=1.5)
+        return (SceneObject("thing_1", model, AT),)
+    return SceneObject("cabinet_1", Model.CABINET_DOOR, AT), SceneObject("thing_1", model, of="cabinet_1", open=1.5)
 
 
 class Stand:

@@ -12,7 +12,7 @@ from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.planning.methods import Asking, Known, Subtasks
-from companion.planning.registry import Each, Plan, each_hand, things
+from companion.planning.registry import Each, Plan, each_hand, object_arguments
 from companion.planning.situation import DOOR, Situation, configured, on_wire
 from companion.planning.steps import (
     CLOSE_S,
@@ -56,7 +56,7 @@ def after_opening(known: Known, km: str, number: int, task: str, *arguments: str
     doors = closed(known.ask, km)
     if not doors:
         return None
-    inside = [one for one in things(task, arguments) if not known.facts.holder(km, one)]
+    inside = [one for one in object_arguments(task, arguments) if not known.facts.holder(km, one)]
     around = {known.facts.support(km, one) for one in inside if known.facts.inside(km, one)}
     shut = [(door, body) for door, body in doors if body in around]
     if len(shut) < number:

@@ -75,7 +75,7 @@ def _true(one: Evidence, truth: TrueState | None) -> bool | None:
     return next((told for judge in judges() if (told := judge.true(one, truth)) is not None), None)
 
 
-def things(history: History) -> tuple[Believed, ...]:
+def beliefs(history: History) -> tuple[Believed, ...]:
     """Return the belief about each thing that km was told of or that there is, by id."""
     beliefs = Beliefs()
     for one in history.said:

@@ -23,7 +23,7 @@ from operate.experiments.measures import (
     channel_size,
 )
 from operate.experiments.page import BINS, SHADE
-from operate.experiments.run_figures import Figures, Said
+from operate.experiments.run_figures import Figures, SentMessage
 from operate.experiments.summary import row_of
 from operate.reports.figures import ACCENT, FAINT, INK, drawing
 
@@ -67,7 +67,7 @@ def quantities(number: int) -> tuple[Quantity, ...]:
     )
 
 
-def peak_kbit_s(said: Sequence[Said], plan: Plan, step_s: float) -> float | None:
+def peak_kbit_s(said: Sequence[SentMessage], plan: Plan, step_s: float) -> float | None:
     """Return the peak bandwidth of C4 while a plan is made, in steps of `step_s`; None where it was not made."""
     if plan.wall_s is None:
         return None
@@ -75,7 +75,7 @@ def peak_kbit_s(said: Sequence[Said], plan: Plan, step_s: float) -> float | None
     return float(bits.max())
 
 
-def kbit_s(plan: Plan, said: Sequence[Said], step: float, bins: int) -> np.ndarray:
+def kbit_s(plan: Plan, said: Sequence[SentMessage], step: float, bins: int) -> np.ndarray:
     """Return the bandwidth of C4 in each step [kbit/s], (bins,); 0 after the plan is there."""
     some = [one for one in said if one.channel == "C4" and plan.t <= one.t <= plan.t + (plan.wall_s or 0.0)]
     at, weights = [one.t - plan.t for one in some], [8.0 * one.size / 1000 for one in some]
@@ -115,7 +115,7 @@ def planning(runs: Runs, number: int) -> str:
         axes.stairs(middle, edges, color=ACCENT, linewidth=1.5)
         times = [plan.wall_s or 0.0 for plan, _ in some]
         axes.plot(times, [0.0] * len(times), "|", color=INK, markersize=9, clip_on=False, zorder=5)
-        axes.set_title(_words(number, step, len(some)), loc="left", fontsize=9, color=FAINT)
+        axes.set_title(_caption(number, step, len(some)), loc="left", fontsize=9, color=FAINT)
         axes.set_xlabel(f"time after the request for plan {number} [s]    |: a run's plan is there")
         axes.set_ylabel("kbit/s")
         axes.set_xlim(0, longest)
@@ -123,7 +123,7 @@ def planning(runs: Runs, number: int) -> str:
     return svg[0]
 
 
-def _made(runs: Runs, number: int) -> list[tuple[Plan, tuple[Said, ...]]]:
+def _made(runs: Runs, number: int) -> list[tuple[Plan, tuple[SentMessage, ...]]]:
     found = []
     for one in runs.results:
         plan = one.figures.plan(number) if one.success and one.figures else None
@@ -136,7 +136,7 @@ def _stair(values: np.ndarray) -> np.ndarray:
     return np.append(values, values[-1])
 
 
-def _words(number: int, step: float, runs: int) -> str:
+def _caption(number: int, step: float, runs: int) -> str:
     theirs = PAPER.made(number)
     text = f"plan {number}, mean over {runs} run{'s' * (runs != 1)} in steps of {step:.2g} s"
     if theirs is None or theirs.mean_kbit_s is None or theirs.peak_kbit_s is None:

@@ -164,7 +164,7 @@ def build(history: History) -> Report:
         holes=holes(history),
         missing=(),
         faults=faults(history),
-        beliefs=believed.things(history),
+        beliefs=believed.beliefs(history),
         poured=figures.poured,
         tasks=tuple(_task(history, command) for command in plans.commands(history)),
     )

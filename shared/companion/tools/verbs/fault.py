@@ -74,7 +74,7 @@ def moveable(ctx: typer.Context, incomplete: str) -> list[str]:
     """The things of a fleet's scene that can be taken; none where no fleet is there."""
     fleet = targets.meant(ctx)
     with suppress(ConsoleError):
-        return [] if fleet is None else among(things(fleet), incomplete)
+        return [] if fleet is None else among(takeable_objects(fleet), incomplete)
     return []
 
 
@@ -170,7 +170,7 @@ def ordered(
     process = EYE if one.of is Of.CAMERA else LOOP
     moment = moments.parse(at, fleet.system.design, process)
     heal_left(fleet, form)
-    fault = inflict.planned(fleet, KIND[one.of], process, moments.words(moment), what=described(one))
+    fault = inflict.planned(fleet, KIND[one.of], process, moments.moment_text(moment), what=described(one))
     wait = partial(moments.wait, moment, within_s, target, run_dir)
     begun = partial(_tell_begun, form)
     ended = inflict.Inflicting(fleet, fault, _kind(replace(one, id=fault.id), for_s)).run(wait, for_s, begun)
@@ -189,12 +189,12 @@ def possible(fleet: Target, one: Disturbance) -> None:
     if one.of is Of.CAMERA and fleet.variable(EYE, EYES) == Eyes.RAYS:
         raise UsageError("this robot sees by rays, it has no camera; start the fleet with `roco up --eyes pixels`")
     if one.of is Of.THING:
-        there = things(fleet)
+        there = takeable_objects(fleet)
         if one.on not in there:
             raise UsageError(f"no thing {one.on!r} can be moved; there are {', '.join(there) or 'none'}")
 
 
-def things(fleet: Target) -> list[str]:
+def takeable_objects(fleet: Target) -> list[str]:
     """The things of the fleet's scene that can be taken."""
     file = fleet.variable(LOOP, SCENE)
     try:

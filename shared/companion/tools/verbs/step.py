@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from agent_runtime.core.control import SetParameter
-from companion.autonomy import LEVEL, STEP, Level, Verb, Word
+from companion.autonomy import LEVEL, STEP, Level, Permission, Verb
 from companion.design import AgentName
 from companion.languages.cmd import TaskState
 from companion.run_files import TaskLine
@@ -73,7 +73,7 @@ def let(fleet: Target, verb: Verb) -> TaskLine:
         beat = operator.heartbeat(fleet, AgentName.TA)
         level = Level(str(beat.parameters.get(LEVEL, Level.AUTO.value)) if beat is not None else Level.AUTO)
         raise NothingWaitsError(f"no act waits for you now; autonomy is {level.value}: {ASKS[level]}")
-    operator.order(fleet, AgentName.TA, SetParameter(STEP, str(Word(verb, at))))
+    operator.order(fleet, AgentName.TA, SetParameter(STEP, str(Permission(verb, at))))
     until, now = time.monotonic() + TAKEN_S, line
     while (now.at, now.asks) == (line.at, line.asks) and now.state == line.state and time.monotonic() < until:
         time.sleep(PERIOD_S)

@@ -184,10 +184,10 @@ def _said_when_started(wish: Say, target: str, run_dir: Path | None, form: Forma
     def coming(said: ConsoleError) -> bool:
         return _without_coordinator(said) or starting(HUMAN_INTERFACE, target, run_dir)
 
-    return when_started(lambda: _said(wish, target, run_dir), coming, form)
+    return when_started(lambda: _sent(wish, target, run_dir), coming, form)
 
 
-def _said(wish: Say, target: str, run_dir: Path | None) -> TaskLine | ConsoleError:
+def _sent(wish: Say, target: str, run_dir: Path | None) -> TaskLine | ConsoleError:
     """The task, or why nobody heard the sentence. What may have been heard is never said again."""
     try:
         hi = Hi(address(targets.find(target, run_dir)))

@@ -25,7 +25,7 @@ WITHIN = 0.3
 """The error that is wanted: estimates should be within 30 %."""
 
 
-class Told(msgspec.Struct, frozen=True):
+class EstimateReport(msgspec.Struct, frozen=True):
     """The estimate for programs. `compared`: each figure with its error."""
 
     estimate: Estimate
@@ -67,7 +67,7 @@ def check(
         answer: dict[str, object] = {"file": str(place), "findings": found, "rulings": told}
         if expected is not None:
             errors = tuple((one, one.error) for one in compared)
-            answer["estimate"] = Told(expected, expected.narrowest, expected.slowest, errors)
+            answer["estimate"] = EstimateReport(expected, expected.narrowest, expected.slowest, errors)
         files.tell_json(answer)
     else:
         print("".join(f"{line}\n" for one in told for line in _ruling(one, files.shown(place), files.width())), end="")

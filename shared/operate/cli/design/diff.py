@@ -45,11 +45,11 @@ def written(found: tuple[Change, ...], width: int) -> str:
     for derived, title in ((False, "written"), (True, "what follows")):
         some = [change for change in found if change.derived is derived]
         if some:
-            lines += [title, *_told(some, width), ""]
+            lines += [title, *_grouped(some, width), ""]
     return "\n".join(lines).rstrip()
 
 
-def _told(changes: list[Change], width: int) -> list[str]:
+def _grouped(changes: list[Change], width: int) -> list[str]:
     """Changes of one entry stand below its name."""
     lines: list[str] = []
     last = ("", "")

@@ -37,12 +37,12 @@ def follow(run: Run, design: Design = None, form: Form = Format.TEXT) -> None:
     if form is Format.JSON:
         files.tell_json({"steps": follower.count, "deviation": found and found._asdict()})
     else:
-        print(_words(follower, found))
+        print(_progress_text(follower, found))
     if found is not None:
         raise typer.Exit(1)
 
 
-def _words(follower: Follower, found: Deviation | None) -> str:
+def _progress_text(follower: Follower, found: Deviation | None) -> str:
     if found is None:
         return f"{follower.count} steps, each a move of the model (at most {follower.most} of its states at a time)"
     lines = [f"step {found.number} is no move of the model: {found.agent} {found.what}", "the model would be at"]

@@ -38,10 +38,10 @@ def new(
     except TopdownError as error:
         tell_problem(error, form)
         raise typer.Exit(1) from error
-    print(msgspec.json.encode(outcome).decode() if form is Format.JSON else "\n".join(_words(outcome)))
+    print(msgspec.json.encode(outcome).decode() if form is Format.JSON else "\n".join(_outcome_lines(outcome)))
 
 
-def _words(outcome: Outcome) -> list[str]:
+def _outcome_lines(outcome: Outcome) -> list[str]:
     """The outcome in words for people."""
     lines = [f"{outcome.folder}: {len(outcome.written)} files written, {len(outcome.same)} as they were"]
     lines += [f"  {path}" for path in outcome.written]

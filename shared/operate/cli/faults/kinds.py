@@ -76,7 +76,7 @@ def _copies(fleet: Target, fault: Fault) -> Next:
     until = time.monotonic() + HEARD_S
     with listen.source(None, Path(fleet.where)) as heard:
         for sample in heard.samples():
-            one = listen.said(sample) if sample is not None else None
+            one = listen.heard_message(sample) if sample is not None else None
             if sample is not None and one is not None and (one.sender, one.receiver) == (fault.speaker, fault.target):
                 copied = sample.key, sample.data
                 return lambda: copied

@@ -153,7 +153,7 @@ def counter(moment: InState | Message) -> Callable[[Sample], bool]:
         nonlocal left
         if isinstance(moment, InState):
             return _tells(sample, moment)
-        one = listen.said(sample)
+        one = listen.heard_message(sample)
         if one is not None and moment.agent in ("", one.sender, one.receiver):
             left -= 1
         return left <= 0
@@ -202,10 +202,10 @@ def _wait_in_run(moment: Event | InPlan, within_s: float, fleet: Target) -> None
 
 
 def _never_there(moment: Moment, within_s: float) -> FleetError:
-    return FleetError(f"{words(moment)} was not there within {within_s:g} s; nothing was done (--within)")
+    return FleetError(f"{moment_text(moment)} was not there within {within_s:g} s; nothing was done (--within)")
 
 
-def words(moment: Moment) -> str:
+def moment_text(moment: Moment) -> str:
     """Return a moment as it is told; "" for at once."""
     match moment:
         case After(seconds=seconds):

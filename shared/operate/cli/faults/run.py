@@ -122,7 +122,7 @@ def _within(span: Span, chance: random.Random) -> float:
     return span if isinstance(span, int | float) else round(chance.uniform(*span), 3)
 
 
-def words(one: Chosen, began: float) -> list[str]:
+def fault_arguments(one: Chosen, began: float) -> list[str]:
     """Return a fault as words of `roco fault`; `began`: of the scenario [unix s]."""
     at = one.at if isinstance(one.at, str) else f"@{began + one.at:.3f}"
     how_much = KINDS[one.kind].amount
@@ -166,7 +166,7 @@ def run(
         place = [*(["--target", target] if target else []), *(["--run-dir", str(run_dir)] if run_dir else [])]
         heal_left(fleet, form)
         began = time.time()
-        codes = _done([[*words(one, began), *place, "--format", form.value] for one in chosen])
+        codes = _done([[*fault_arguments(one, began), *place, "--format", form.value] for one in chosen])
         if failed := sum(code != 0 for code in codes):
             raise FleetError(f"{failed} of {len(codes)} faults did not go as they should; `roco fault list` has them")
 

@@ -137,7 +137,7 @@ def fault(
         moment = moments.parse(at, fleet.system.design, process)
         heal_left(fleet, form)
         done = row.timed if row.timed and for_s else kind
-        planned = inflict.planned(fleet, done, process, moments.words(moment), much, speaker)
+        planned = inflict.planned(fleet, done, process, moments.moment_text(moment), much, speaker)
         wait = partial(moments.wait, moment, within, target, run_dir)
         ended = inflict.Inflicting(fleet, planned).run(wait, for_s, partial(_tell_begun, form))
         if form is Format.JSON:

@@ -167,10 +167,10 @@ def repair(agent: Agent, run_dir: RunDir = None, form: Form = Format.TEXT) -> No
         if form is Format.JSON:
             tell_json(done)
         else:
-            print(_words(agent, done))
+            print(_repair_text(agent, done))
 
 
-def _words(agent: str, done: Repaired) -> str:
+def _repair_text(agent: str, done: Repaired) -> str:
     if not done.kept:
         return f"{agent}: the journal is whole; nothing to repair"
     where = f" at byte {', '.join(map(str, done.damaged))}" if done.damaged else " at its end"

@@ -72,10 +72,10 @@ def make(
         if form is Format.JSON:
             tell_json(made)
         else:
-            print(words(made, apart=apart))
+            print(keys_text(made, apart=apart))
 
 
-def words(made: issuing.Issued, *, apart: bool) -> str:
+def keys_text(made: issuing.Issued, *, apart: bool) -> str:
     """Return the keys that now exist, in words for people."""
     of = "systems" if len(made.systems) > 1 else "system"
     named = f"{of} {', '.join(repr(system) for system in made.systems)}"

@@ -43,7 +43,7 @@ class Local(Target):
         return Look(told, found, folders.stop_held(self.run), time.monotonic(), unkept)
 
     def verdicts(self) -> list[Judged]:
-        return verdicts.told(self.run)
+        return verdicts.verdicts_of(self.run)
 
     def read(self, name: str, file: str, offset: int = 0) -> bytes:
         return self.recorded(file, offset)
@@ -97,7 +97,7 @@ class Local(Target):
         return had.get(variable, "")
 
     def wire(self, name: str, kind: str, amount: float | None) -> None:
-        wires = files.told(self.run)
+        wires = files.wires_of(self.run)
         if amount is not None and wires is None:
             raise FleetError(f"the agents of {self.where} have no wires; start the fleet with `roco up --faults`")
         if amount is not None and wires is not None and (missing := wires.missing(name)):

@@ -64,10 +64,10 @@ def refuse(way_out: str) -> None:
     """Raise FleetError where a fleet or an experiment runs here; `way_out`: what may be done besides ending it."""
     found = [*here(), *living(*EXPERIMENTS.glob("*/runs/*"))]
     if found:
-        raise FleetError("a fleet runs here already:", (*map(_words, found), way_out))
+        raise FleetError("a fleet runs here already:", (*map(_fleet_line, found), way_out))
 
 
-def _words(one: Living) -> str:
+def _fleet_line(one: Living) -> str:
     """Return a line with the fleet, its living processes, and the command that ends it."""
     latest = one.run.parent / LATEST
     meant = "" if latest.is_symlink() and latest.resolve() == one.run.resolve() else f" --run-dir {one.run}"

@@ -200,7 +200,7 @@ def _wait_gone(pids: list[int], patience_s: float) -> list[int]:
     """Wait until these processes are gone; those that are not in time."""
     deadline = time.monotonic() + patience_s
     while pids and time.monotonic() < deadline:
-        pids = [pid for pid in pids if proc.words(pid)]
+        pids = [pid for pid in pids if proc.command_line(pid)]
         time.sleep(0.02 if pids else 0.0)
     return pids
 

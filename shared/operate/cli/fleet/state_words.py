@@ -23,7 +23,7 @@ COLOURS = {
 AT_REST = {"waits", "holds", "knows", "listens", "carries", "records"}
 
 
-def said(system: System, name: str, state: str) -> str:
+def state_text(system: System, name: str, state: str) -> str:
     """Return what a process does in a state, in words; "" where nobody says it."""
     agent = system.design.agents.get(name)
     if agent is not None:
@@ -39,7 +39,7 @@ def doing(status: ProcessStatus, view: View, system: System) -> tuple[str, str]:
     if seen is not None and not seen.alive:
         return "not reachable", "bold red"
     state = seen.state if seen is not None else ""
-    words = said(system, status.name, state) or state or "ready"
+    words = state_text(system, status.name, state) or state or "ready"
     return words, "dim" if words.split()[0] in AT_REST and state not in ("hold", "stopped") else "cyan"
 
 

@@ -221,13 +221,13 @@ def table(found: list[Run]) -> Table:
         named = Text.assemble((one.name, "bold"), (" (latest)" if one.latest else "", "dim"))
         result = Text(f"{one.result}: {one.why}" if one.why else one.result, COLOURS.get(one.result, ""))
         for task in one.tasks:
-            result.append(f"\n  {words(task)}", "not bold default" if task.success else COLOURS[FAILED])
+            result.append(f"\n  {task_text(task)}", "not bold default" if task.success else COLOURS[FAILED])
         begin = datetime.fromtimestamp(one.begin).strftime("%Y-%m-%d %H:%M:%S")
         drawn.add_row(named, begin, span(one.duration_s), bytes_in_words(one.bytes), one.system, result)
     return drawn
 
 
-def words(task: Task) -> str:
+def task_text(task: Task) -> str:
     """Return what was asked for and what came of it."""
     return f"{task.asked}: {'done' if task.success else task.failure}"
 

@@ -15,7 +15,7 @@ from operate.cli.terminal.table import table
 if TYPE_CHECKING:
     from operate.experiments.comparing import Compared, Comparison, Diverged
     from operate.experiments.intervals import Interval
-    from operate.experiments.run_figures import Said
+    from operate.experiments.run_figures import SentMessage
 
 ABSENT = "-"
 STYLES = {"worse": "red", "better": "green", "shown": "dim"}
@@ -105,7 +105,7 @@ def divergences(pairs: "tuple[Diverged, ...]") -> list[str]:
     lines = [f"what was said differs in {len(apart)} of {len(pairs)} seeds; where it begins:"]
     for seed, first in apart[:MOST_SEEDS]:
         place = f"{first.of}, conversation {first.conversation}, communicate {first.position} of its sender"
-        lines += [f"  seed {seed}: {place}", f"    A: {_said(first.a)}", f"    B: {_said(first.b)}"]
+        lines += [f"  seed {seed}: {place}", f"    A: {_message_line(first.a)}", f"    B: {_message_line(first.b)}"]
     return lines
 
 
@@ -131,7 +131,7 @@ def _percent(value: float | None) -> str:
     return ABSENT if value is None else f"{value:+.1f}"
 
 
-def _said(one: "Said | None") -> str:
+def _message_line(one: "SentMessage | None") -> str:
     if one is None:
         return "nothing more"
     return f"{one.t:.2f} s  {one.sender} > {one.receiver}  {one.performative}  {one.text or one.kind}"

@@ -104,7 +104,7 @@ def is_service(pid: int, *modules: str) -> bool:
     """Tell whether this pid is a living process that runs one of these modules; a number used again by somebody else is
     not.
     """
-    words = proc.words(pid)
+    words = proc.command_line(pid)
     return any(module in words for module in modules if module)
 
 

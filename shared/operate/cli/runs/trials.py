@@ -176,7 +176,7 @@ def run(out: Path, setting: Setting, seed: int, tick: Callable[[float], None]) -
         _end(process, place)
     took = time.time() - began
     late_s, command = (setting.timeout_s if code is None else None), " ".join(setting.command[:1])
-    failure, figures = _told(place, late_s, process.returncode, command)
+    failure, figures = _outcome(place, late_s, process.returncode, command)
     return Line(
         seed=seed,
         began=began,
@@ -232,7 +232,7 @@ def _end(process: subprocess.Popen[bytes], place: Path) -> None:
     starting.down(place)
 
 
-def _told(place: Path, late_s: float | None, code: int, command: str) -> tuple[str | None, msgspec.Raw]:
+def _outcome(place: Path, late_s: float | None, code: int, command: str) -> tuple[str | None, msgspec.Raw]:
     """Return the reason a run failed, None if it succeeded; and its report, null if it has none."""
     try:
         raw = (place / REPORT_FILE).read_bytes()

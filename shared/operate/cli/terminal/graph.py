@@ -8,7 +8,7 @@ import msgspec
 from rich.text import Text
 
 from operate.cli.fleet.process_status import Seen, trouble
-from operate.cli.fleet.state_words import COLOURS, said
+from operate.cli.fleet.state_words import COLOURS, state_text
 from operate.run_folder import LiveLine, ProcessState, Sent
 from operate.system import System
 from topdown.draw.canvas import tracks
@@ -133,7 +133,7 @@ class Graph(msgspec.Struct, frozen=True):
     channels: tuple[Edge, ...]
 
 
-def told(
+def graph_at(
     design: Design, where: str, seen: Iterable[Seen], lines: Iterable[LiveLine], at: float, window_s: float
 ) -> Graph:
     """The graph of a design with what is known of it at a time [unix s]."""
@@ -195,7 +195,7 @@ def _label(node: Node | None, names: int, system: System) -> Text:
     """An agent and what it does; `names`: columns of its name."""
     if node is None:
         return Text(" " * (names + WORDS))
-    words = node.trouble or said(system, node.name, node.state) or node.state
+    words = node.trouble or state_text(system, node.name, node.state) or node.state
     style = "red" if node.trouble else COLOURS.get(node.process or "", "") if node.process != "ready" else ""
     label = Text.assemble((f"{node.name:{names}}", "bold"), (words, style))
     label.truncate(names + WORDS, overflow="ellipsis", pad=True)

@@ -27,7 +27,7 @@ from operate.cli.output import Format, RunDir, problems, tell_json
 from operate.cli.terminal import run_state
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.draw import events
-from operate.cli.terminal.graph import WINDOW_S, Edge, Graph, dot, drawn, edges, sized, told
+from operate.cli.terminal.graph import WINDOW_S, Edge, Graph, dot, drawn, edges, graph_at, sized
 from operate.cli.terminal.run_state import Plan, View
 from operate.cli.terminal.table import table
 from operate.run_folder import LiveLine, Sent
@@ -181,7 +181,7 @@ class Watched:
 
     def graph(self) -> Graph:
         """Agents and channels as they were at the last look."""
-        found = told(self.system.design, self.fleet.where, self._now.seen, (), self.screen.at, self._window_s)
+        found = graph_at(self.system.design, self.fleet.where, self._now.seen, (), self.screen.at, self._window_s)
         return msgspec.structs.replace(found, channels=self.screen.channels)
 
     def picture(self, width: int, height: int) -> RenderableType:

@@ -18,7 +18,7 @@ from fipa_codec.communicate import Communicate, decode
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.listen import Source, about, said, source
+from operate.cli.traffic.listen import Source, about, heard_message, source
 from operate.cli.traffic.selection import (
     Agents,
     Channels,
@@ -126,7 +126,7 @@ def _judged(judge: Judge, sample: Sample | None, at: float) -> Iterable[Judgemen
         agent, chunk = sample.key.split("/")[-2:]
         found = None if sample.gone else parse_life(chunk)
         return judge.lived(agent, found[0], at, journal=found[1]) if found is not None else ()
-    if said(sample) is None:
+    if heard_message(sample) is None:
         return judge.pass_time(at)
     if sample.broken:
         return judge.noted(sample.key, sample.broken, at)

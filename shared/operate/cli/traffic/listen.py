@@ -40,7 +40,7 @@ Samples = Iterator[Sample | None]
 """None: nothing came for a while; look at the clock."""
 
 
-class Said(msgspec.Struct, frozen=True):
+class HeardMessage(msgspec.Struct, frozen=True):
     """A communicate as it was taken at `at` [unix s]: what its key says of it, its size [bytes], and itself."""
 
     at: float
@@ -68,12 +68,12 @@ def fields_of(one: Communicate) -> dict[str, Any]:
     return told if content is msgspec.UNSET else told | {"content": msgspec.msgpack.decode(content)}
 
 
-def said(sample: Sample) -> Said | None:
+def heard_message(sample: Sample) -> HeardMessage | None:
     """Return the communicate, by its key; None for other samples (tokens, receipts, telemetry)."""
     chunks = sample.key.split("/")
     if sample.token or len(chunks) != KEY_CHUNKS or chunks[2] == HOUSE:
         return None
-    return Said(sample.at, sample.key, sample.data, sample.size or len(sample.data), *chunks[2:])
+    return HeardMessage(sample.at, sample.key, sample.data, sample.size or len(sample.data), *chunks[2:])
 
 
 def at_run(run_dir: Path | None) -> Options:

@@ -11,7 +11,7 @@ import msgspec
 from agent_runtime.impersonation import Stage
 from agent_runtime.io.tap import Sample
 from fipa_codec.communicate import Communicate, encode
-from operate.cli.traffic.listen import said
+from operate.cli.traffic.listen import heard_message
 from operate.system import System
 
 LOOK_S = 0.1
@@ -85,7 +85,7 @@ class Player:
             time.sleep(min(left, LOOK_S))
 
     def _say(self, sample: Sample) -> None:
-        key, one = sample.key.split("/", 2)[2], said(sample)
+        key, one = sample.key.split("/", 2)[2], heard_message(sample)
         communicate = one.communicate() if one is not None else None
         now = time.time()
         data = sample.data if communicate is None else encode(moved(communicate, sample.at, now, self._fast))

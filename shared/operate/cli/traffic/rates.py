@@ -20,7 +20,7 @@ from rich.text import Text
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
-from operate.cli.traffic.listen import Said, Source, about, said, source
+from operate.cli.traffic.listen import HeardMessage, Source, about, heard_message, source
 from operate.cli.traffic.selection import (
     Agents,
     Channels,
@@ -84,7 +84,7 @@ class Tally:
         self.began = self.last = 0.0
         self.count = self.bytes = 0
 
-    def take(self, one: Said) -> bool:
+    def take(self, one: HeardMessage) -> bool:
         """Count it; whether the filter keeps it. Questions count for the latency of answers though it does not."""
         span = self._latency(one)
         if not self._wanted.keeps(one):
@@ -103,7 +103,7 @@ class Tally:
         """By channel, then by who comes first."""
         return sorted(self._flows.values(), key=lambda flow: flow.channel)
 
-    def _latency(self, one: Said) -> float | None:
+    def _latency(self, one: HeardMessage) -> float | None:
         """From what it answers to it; a copy answers nothing again."""
         communicate = one.communicate()
         if communicate is None:
@@ -321,7 +321,7 @@ def _count(asked: _Asked, heard: Source, tally: Tally, look: Callable[[], None])
     due = time.monotonic() + PERIOD_S
     try:
         for sample in heard.samples(asked.seconds):
-            one = None if sample is None else said(sample)
+            one = None if sample is None else heard_message(sample)
             if one is not None and tally.take(one) and tally.count == asked.count:
                 break
             if heard.live and time.monotonic() >= due:

@@ -97,7 +97,7 @@ def _recorded(keeper: "Keeper", heard: "subprocess.Popen[bytes]", form: Format) 
     reader = threading.Thread(target=waiting.fill, args=(heard.stdout,), daemon=True)
     reader.start()
     shown = console.status("recording; Ctrl-C ends it") if form is Format.TEXT else contextlib.nullcontext()
-    with interrupts.told(waiting.stop), shown as line:
+    with interrupts.signalled(waiting.stop), shown as line:
         told = flushed = time.monotonic()
         while not waiting.stopped and not keeper.over:
             sample = waiting.get(FLUSH_S)

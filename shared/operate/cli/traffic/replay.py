@@ -25,7 +25,7 @@ from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.traffic import replace, verify
-from operate.cli.traffic.listen import HOUSE, recorded, said
+from operate.cli.traffic.listen import HOUSE, heard_message, recorded
 from operate.cli.traffic.play import Player, Replayed, sentence
 from operate.cli.traffic.selection import Agents, Channels, Performatives, Protocols, wanted
 from operate.filters import Filter
@@ -145,7 +145,7 @@ def _played(
     player = Player(stage, samples, fast, shown.take)
     console = Console(stderr=True, quiet=form is Format.JSON)
     try:
-        with _told(stage, of_run(file)), console.status("replaying") as line:
+        with _announced(stage, of_run(file)), console.status("replaying") as line:
             where_to = f"to listen: roco traffic echo --run-dir {_folder(stage)}"
             console.print(f"system {stage.system} at {stage.endpoint}; {where_to}", highlight=False, soft_wrap=True)
             player.wait(time.monotonic() + after)
@@ -197,7 +197,7 @@ class Shown:
 
 def _meant(file: Path, which: Filter, *, telemetry: bool) -> Iterator[Sample]:
     for sample in recorded(file, everything=telemetry):
-        one = said(sample) if sample is not None else None
+        one = heard_message(sample) if sample is not None else None
         if sample is None or sample.token or sample.size:  # what nobody took has no content
             continue
         if which.keeps(one) if one is not None else _published(sample.key):
@@ -215,7 +215,7 @@ def _folder(stage: Stage) -> Path:
 
 
 @contextlib.contextmanager
-def _told(stage: Stage, system: System) -> Iterator[None]:
+def _announced(stage: Stage, system: System) -> Iterator[None]:
     """While it goes on, a folder says where, and of which system it is, so that `--run-dir` finds it."""
     folder = _folder(stage)
     make_run(folder)

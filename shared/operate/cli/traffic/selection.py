@@ -14,7 +14,7 @@ from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
-from operate.cli.traffic.verdicts import judged, told
+from operate.cli.traffic.verdicts import judged, verdicts_of
 from operate.filters import Filter, UnknownNameError, checked
 from operate.run_folder import Judged, NothingToRead
 from operate.system import NoSystemError
@@ -67,7 +67,7 @@ def lines_of(run: Path | None, target: str, run_dir: Path | None) -> list[Judged
     """The verdicts about a run: of the fleet that is meant as its monitor judged it so far, else as judged now."""
     if run is None:
         return targets.find(target, run_dir).verdicts()
-    return told(run) if run.is_dir() else judged(run)
+    return verdicts_of(run) if run.is_dir() else judged(run)
 
 
 def recording_of(run: Path | None, target: str, run_dir: Path | None) -> Path:

@@ -18,7 +18,7 @@ def judged(file: Path, system: System | None = None) -> list[Judged]:
     return list(verdicts(file, of_run(file) if system is None else system))
 
 
-def told(run: Path) -> list[Judged]:
+def verdicts_of(run: Path) -> list[Judged]:
     """The verdicts the monitor wrote while it listened; of a run without them the recording is judged now."""
     file = run / VERDICTS_FILE
     return read(file.read_bytes().splitlines()) if file.exists() else judged(run)

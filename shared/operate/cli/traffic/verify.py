@@ -217,7 +217,9 @@ def verified(file: Path, agents: list[str], seed: int | None, form: Form) -> Non
     with Console(stderr=True, quiet=form is Format.JSON).status("") as line:
         for agent, log in logs.items():
             line.update(f"{agent} runs again")
-            found.append(_verified(run, _again(system, agent, log, _told(run, system, evidence, seed)), evidence))
+            found.append(
+                _verified(run, _again(system, agent, log, _environment(run, system, evidence, seed)), evidence)
+            )
     if form is Format.JSON:
         tell_json(found)
     else:
@@ -237,7 +239,7 @@ def _logs(run: Path, system: System, agents: list[str]) -> dict[str, Path]:
     return {agent: log for agent, log in there.items() if not agents or agent in agents}
 
 
-def _told(run: Path, system: System, evidence: Evidence, seed: int | None) -> dict[str, str]:
+def _environment(run: Path, system: System, evidence: Evidence, seed: int | None) -> dict[str, str]:
     """The environment in which the agents of the run were started, as far as their steps depend on it."""
     was, fleet = evidence.setting, folders.fleet(run)
     told = {"SYSTEM": fleet.system if fleet else system.name, "SPEED": was.speed, "SCENE": was.scene}

@@ -9,7 +9,7 @@ from robot import LIFT_M, Acting
 from companion import models
 from companion.languages.values import Side
 from velma.model.kinds import BOXES, Model
-from velma.model.scene import CANONICAL, Scene, Thing, load
+from velma.model.scene import CANONICAL, Scene, SceneObject, load
 
 BOX, JAR, RIGHT = "box_1", "jar_1", Side.RIGHT
 pytestmark = pytest.mark.timeout(180)  # 75 s at a load of 12 (measured)
@@ -49,7 +49,7 @@ def test_a_box_is_taken_and_put_down(model: Model) -> None:
 @pytest.mark.parametrize("yaw", [0.3, 1.3])
 def test_a_jar_that_lies_is_taken_and_stood_up(yaw: float) -> None:
     """Across its axis, which has this heading [rad]."""
-    jar = Thing(JAR, Model.JAR, (0.58, -0.52, 0.815), yaw=yaw, pitch=math.pi / 2)
+    jar = SceneObject(JAR, Model.JAR, (0.58, -0.52, 0.815), yaw=yaw, pitch=math.pi / 2)
     canonical = load()
     others = tuple(one for one in canonical.things if one.id != JAR)
     stands_again(taken(JAR, 0, replace(canonical, things=(*others, jar), content=None)), JAR)
