@@ -206,10 +206,10 @@ def test_both_libraries_draw_the_same(show: Show, monkeypatch: pytest.MonkeyPatc
     code = (
         "import sys, numpy as np\n"
         "from velma.model.kinds import Model\n"
-        "from velma.model.scene import Noise, Scene, Thing\n"
+        "from velma.model.scene import Noise, Scene, SceneObject\n"
         "from velma.sim.head_camera import HeadCamera\n"
         "from velma.sim.mujoco_backend import compiled\n"
-        f"thing = Thing('bowl_1', Model.BOWL, {OPEN})\n"
+        f"thing = SceneObject('bowl_1', Model.BOWL, {OPEN})\n"
         f"camera = HeadCamera(compiled(Scene('test', (thing,), None, Noise(0.0))), {WIDTH}, {HEIGHT})\n"
         "picture = camera.picture(np.frombuffer(sys.stdin.buffer.read()))\n"
         "sys.stdout.buffer.write(picture.tobytes())\n"
