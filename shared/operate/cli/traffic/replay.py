@@ -37,6 +37,8 @@ PUBLISHED = ("telemetry", "truth", "state")
 """Kinds published for people beside communicates; --telemetry replays them, too."""
 KIND = 3
 """Index of the chunk of a key that names its kind, unless it is a communicate's."""
+READ_S = 0.5
+"""Until listeners have read the last message: they look every 0.05 s at what is 0.1 s old (ends.SETTLED_S); estimate."""
 FOREVER = 1 << 62
 
 
@@ -152,6 +154,7 @@ def _played(
             for _ in range(FOREVER if loop else 1):
                 shown.begin()
                 player.play(lambda text: line.update(f"replaying {text}"))
+            player.wait(time.monotonic() + READ_S)
     except KeyboardInterrupt:
         pass
     finally:
