@@ -38,7 +38,7 @@ PUBLISHED = ("telemetry", "truth", "state")
 KIND = 3
 """Index of the chunk of a key that names its kind, unless it is a communicate's."""
 READ_S = 0.5
-"""Until listeners have read the last message: they look every 0.05 s at what is 0.1 s old (ends.SETTLED_S); estimate."""
+"""Until listeners have read the last message: they look every 0.05 s at what is 0.1 s old (estimate)."""
 FOREVER = 1 << 62
 
 
