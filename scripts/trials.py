@@ -71,7 +71,7 @@ class _Watch:
         from hypothesis import Phase, settings
 
         phases = (Phase.explicit, Phase.generate)
-        settings.register_profile("trial", settings.get_profile("any machine"), phases=phases, database=None)
+        settings.register_profile("trial", settings.get_profile("many"), phases=phases, database=None)
         settings.load_profile("trial")
 
     def trace(self) -> None:
