@@ -77,7 +77,6 @@ IMPORT_S = 60.0
 NEEDED = ("", "monitor")
 """The extras that any fleet on one machine needs; "" is what everybody does."""
 CLOCK_S = 5.0
-PROCESSORS = Path("/sys/devices/system/cpu")
 
 
 def python() -> Iterator[Check]:
