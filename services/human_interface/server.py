@@ -70,7 +70,7 @@ class Board:
                 self._answers[ticket] = content
             case NewEvent(event=event):
                 self._events.append(event)
-                self._told = event.n
+                return  # nobody hears of it before the tasks as it left them: who is woken asks for these next
             case Shown(tasks=tasks, events=events, wishes=wishes, questions=questions):
                 self.tasks = Tasks(tasks, wishes=wishes, questions=questions)
                 self._told = max(self._told, events)
@@ -98,7 +98,7 @@ class Board:
     async def events(self, since: int, wait_s: float) -> Events:
         """The events after number `since`; wait up to `wait_s` [s] for one."""
         await self._until(lambda: self._told > since, wait_s)
-        return Events(self._told, tuple(event for event in self._events if event.n > since))
+        return Events(self._told, tuple(event for event in self._events if since < event.n <= self._told))
 
     async def _until(self, holds: Callable[[], bool], within_s: float) -> None:
         with contextlib.suppress(TimeoutError):

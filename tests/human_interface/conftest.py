@@ -5,9 +5,9 @@ import http.client
 import msgspec
 import pytest
 
-from companion.run_files import HI_FILE, HiAddress, Problem, TaskLine
+from companion.run_files import HI_FILE, HiAddress, HiEvent, Problem, TaskLine
 from services.human_interface import server
-from services.human_interface.local import Answer, CancelWanted, Sentence, StopRobot
+from services.human_interface.local import Answer, CancelWanted, NewEvent, Sentence, Shown, StopRobot
 
 LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)
 
@@ -37,6 +37,11 @@ class Client:
                 self.desk.tell(StopRobot(ticket, "that one"))
             case Sentence(ticket=ticket) | CancelWanted(ticket=ticket):
                 self.desk.tell(Answer(ticket, LINE))
+
+    def tell_event(self, number):
+        """The agent tells an event, and shows the tasks after it."""
+        self.desk.tell(NewEvent(HiEvent(number, float(number), "co", "waiting", "next")))
+        self.desk.tell(Shown((LINE,), number))
 
     def ask(self, verb, path, body=None, **headers):
         """Status and body."""

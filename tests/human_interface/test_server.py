@@ -86,17 +86,29 @@ def test_tasks_are_what_the_agent_showed_last(client):
 
 def test_events_come_after_a_number_and_can_be_waited_for(client):
     """GET /events: at once what is there; else as soon as there is something."""
-    client.desk.tell(NewEvent(HiEvent(1, 1.0, "co", "waiting", "next")))
+    client.tell_event(1)
     status, data = client.ask("GET", "/events")
     events = msgspec.json.decode(data, type=Events)
     assert (status, events.next, [event.n for event in events.events]) == (200, 1, [1])
-    timer = threading.Timer(0.1, client.desk.tell, (NewEvent(HiEvent(2, 2.0, "co", "done", "")),))
+    timer = threading.Timer(0.1, client.tell_event, (2,))
     timer.start()
     begun = time.monotonic()
     _, data = client.ask("GET", f"/events?since={events.next}&wait=10")
     assert [event.n for event in msgspec.json.decode(data, type=Events).events] == [2]
     assert time.monotonic() - begun < 5.0
     timer.join()
+
+
+def test_who_hears_of_an_event_finds_the_tasks_as_it_left_them(client):
+    """Not those of before it: a page that asks for the tasks between the two would show these until the next event."""
+    client.desk.tell(NewEvent(HiEvent(1, 1.0, "co", "waiting", "next")))
+    _, data = client.ask("GET", "/events?wait=0.2")
+    assert msgspec.json.decode(data, type=Events) == Events(0, ())
+    client.desk.tell(Shown((LINE,), 1))
+    _, data = client.ask("GET", "/events?wait=10")
+    assert [event.n for event in msgspec.json.decode(data, type=Events).events] == [1]
+    _, data = client.ask("GET", "/tasks")
+    assert msgspec.json.decode(data, type=Tasks).tasks == (LINE,)
 
 
 def test_after_a_restart_the_number_goes_on(client):
